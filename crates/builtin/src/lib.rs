@@ -1,0 +1,2 @@
+//! The built-in procedural scenes: a name in, edits out.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! File formats: bytes in, edits and diagnostics out.
+#![forbid(unsafe_code)]

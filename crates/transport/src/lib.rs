@@ -1,0 +1,2 @@
+//! How light gets there: the integrators.
+#![forbid(unsafe_code)]

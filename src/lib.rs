@@ -1,0 +1,2 @@
+//! Heliostat: real-time ray tracing and interactive global illumination.
+#![forbid(unsafe_code)]
