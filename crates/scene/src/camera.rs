@@ -1,0 +1,83 @@
+//! Points of view.
+
+use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+
+/// A view of the world. In camera space it looks along −Z with +Y up and +X to the right.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// For people and the command line; need not be unique.
+    pub name: String,
+    /// Placement; scale is ignored where it does not matter.
+    pub world_from_camera: Affine3A,
+    /// How directions map to the picture.
+    pub projection: Projection,
+    /// `None` is a pinhole: everything is in focus.
+    pub lens: Option<Lens>,
+}
+
+/// How directions map to the picture. Width follows from the picture's aspect ratio.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Straight lines stay straight.
+    Perspective {
+        /// Full angle over the picture's height, radians, below π.
+        vertical_fov: f32,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Extent of the picture's height, metres.
+        height: f32,
+    },
+    /// The whole sphere of directions: longitude over the width, latitude over the height.
+    Panoramic,
+}
+
+/// A thin lens: depth of field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Of the aperture, metres.
+    pub radius: f32,
+    /// Distance of the plane in focus along the view axis, metres.
+    pub focus_distance: f32,
+}
+
+impl Camera {
+    /// A pinhole camera at `eye` that looks at `target`. When `up` is parallel to the view, another axis takes its
+    /// place, so the result is always usable.
+    pub fn look_at(name: impl Into<String>, eye: Vec3, target: Vec3, up: Vec3, vertical_fov: f32) -> Self {
+        let back = (eye - target).try_normalize().unwrap_or(Vec3::Z);
+        let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+        let axes = Mat3A::from_cols(right.into(), back.cross(right).into(), back.into());
+        Self {
+            name: name.into(),
+            world_from_camera: Affine3A { matrix3: axes, translation: Vec3A::from(eye) },
+            projection: Projection::Perspective { vertical_fov },
+            lens: None,
+        }
+    }
+
+    /// What is out of range, if anything.
+    pub(crate) fn inconsistency(&self) -> Option<String> {
+        let place = self.world_from_camera;
+        if !place.is_finite() || place.matrix3.determinant() == 0.0 {
+            return Some(
+                "`world_from_camera` is singular or not finite; give an invertible transform".into(),
+            );
+        }
+        match self.projection {
+            Projection::Perspective { vertical_fov }
+                if !(1e-4..std::f32::consts::PI).contains(&vertical_fov) =>
+            {
+                return Some(format!("`vertical_fov` is {vertical_fov} rad; give a value between 0 and π"));
+            }
+            Projection::Orthographic { height } if !(height.is_finite() && height > 0.0) => {
+                return Some(format!("orthographic `height` is {height}; give a positive value"));
+            }
+            _ => {}
+        }
+        let lens = self.lens?;
+        (!(lens.radius >= 0.0 && lens.radius.is_finite() && lens.focus_distance > 0.0)).then(|| {
+            format!("lens radius {} and focus distance {} must be positive", lens.radius, lens.focus_distance)
+        })
+    }
+}

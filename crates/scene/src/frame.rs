@@ -1,0 +1,174 @@
+//! What is asked of a backend and what comes back.
+
+use glam::Vec3;
+
+use crate::Camera;
+
+/// One picture to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameRequest {
+    /// Point of view.
+    pub camera: Camera,
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Which renderer; the backend lists those it has.
+    pub renderer: String,
+    /// Samples per pixel, at least 1.
+    pub samples: u32,
+    /// Longest path in edges: 1 shows emission alone, 2 adds direct light, and so on. `None` leaves it to the
+    /// renderer: no limit for `path`, its own default for others.
+    pub max_depth: Option<u32>,
+    /// Same scene, request and seed: same bits.
+    pub seed: u32,
+    /// Number of the frame in a sequence; decorrelates the noise of successive frames.
+    pub frame: u32,
+    /// Reconstruction filter.
+    pub filter: Filter,
+    /// Constant radiance added to every surface, times its albedo, by the classical renderer `direct`.
+    pub ambient: Vec3,
+    /// Replaces the look of everything.
+    pub materials: MaterialOverride,
+    /// Further planes of data to deliver.
+    pub planes: Vec<Plane>,
+}
+
+impl FrameRequest {
+    /// A frame by the reference path tracer with 16 samples per pixel and a box filter.
+    pub fn new(camera: Camera, width: u32, height: u32) -> Self {
+        Self {
+            camera,
+            width,
+            height,
+            renderer: "path".into(),
+            samples: 16,
+            max_depth: None,
+            seed: 0,
+            frame: 0,
+            filter: Filter::Box,
+            ambient: Vec3::ZERO,
+            materials: MaterialOverride::None,
+            planes: Vec::new(),
+        }
+    }
+}
+
+/// Reconstruction filters; samples are drawn in proportion to them, so every pixel keeps its own samples.
+///
+/// # References
+/// Ernst, Stamminger, Greiner, "Filter Importance Sampling", 2006.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Filter {
+    /// The pixel's own square.
+    #[default]
+    Box,
+    /// Linear fall-off over one pixel to each side.
+    Tent,
+    /// Normal distribution with this standard deviation in pixels, cut off at three of them.
+    Gaussian(f32),
+    /// Blackman–Harris window, two pixels to each side.
+    BlackmanHarris,
+}
+
+/// Replaces the look of everything, for comparisons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MaterialOverride {
+    /// Materials as they are.
+    #[default]
+    None,
+    /// Every surface is an opaque Lambertian of its base colour; emission stays.
+    Diffuse,
+}
+
+/// Auxiliary data per pixel: the mean over the pixel's samples, except for the identifiers, which belong to the
+/// pixel's first sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Plane {
+    /// Distance from the camera along the ray, metres; 0 where nothing is hit.
+    Depth,
+    /// Shading normal, world space; 0 where nothing is hit.
+    Normal,
+    /// Geometric position, world space; 0 where nothing is hit.
+    Position,
+    /// Share of light reflected under uniform white light.
+    Albedo,
+    /// Fraction of samples that hit something.
+    Alpha,
+    /// Handle number of the object + 1; 0 where nothing is hit.
+    ObjectId,
+    /// Handle number of the innermost instance + 1; 0 where nothing is hit.
+    InstanceId,
+    /// Handle number of the material + 1; 0 where nothing is hit.
+    MaterialId,
+}
+
+impl Plane {
+    /// All planes.
+    pub const ALL: [Self; 8] = [
+        Self::Depth,
+        Self::Normal,
+        Self::Position,
+        Self::Albedo,
+        Self::Alpha,
+        Self::ObjectId,
+        Self::InstanceId,
+        Self::MaterialId,
+    ];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::Position => "position",
+            Self::Albedo => "albedo",
+            Self::Alpha => "alpha",
+            Self::ObjectId => "object-id",
+            Self::InstanceId => "instance-id",
+            Self::MaterialId => "material-id",
+        }
+    }
+
+    /// Values per pixel.
+    pub fn channels(self) -> usize {
+        match self {
+            Self::Normal | Self::Position | Self::Albedo => 3,
+            _ => 1,
+        }
+    }
+}
+
+/// One delivered plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaneData {
+    /// Which.
+    pub plane: Plane,
+    /// `width × height × channels` values, rows from the top.
+    pub values: Vec<f32>,
+}
+
+/// A finished picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Linear Rec. 709 radiance, rows from the top.
+    pub color: Vec<Vec3>,
+    /// The planes asked for, in the order of the request.
+    pub planes: Vec<PlaneData>,
+    /// What it took.
+    pub stats: FrameStats,
+}
+
+/// What a frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameStats {
+    /// Wall time of the frame, milliseconds, without building accelerators.
+    pub milliseconds: f64,
+    /// Rays traced, of all kinds.
+    pub rays: u64,
+}
