@@ -29,6 +29,14 @@ pub struct Instance {
     pub id: u32,
 }
 
+impl Instance {
+    /// Whether rays can be carried through the placement: finite, invertible, with a finite inverse.
+    #[must_use]
+    pub fn is_placeable(&self) -> bool {
+        invert(&self.parent_from_object, 0).is_ok()
+    }
+}
+
 /// Triangles, instances of other objects, or both, in one space. Immutable and shared by `Arc`: making an object
 /// never rebuilds the trees of its children, only a small tree over their bounds.
 pub struct Object {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use heliostat_scene::{Light, LightKind, SceneBounds};
@@ -20,7 +21,7 @@ pub struct Lights {
     choice: Discrete,
     /// Emissive parts by placement and part.
     areas: HashMap<(u32, u32), u32>,
-    environment: EnvironmentLight,
+    environment: Arc<EnvironmentLight>,
     environment_index: Option<u32>,
 }
 
@@ -36,7 +37,7 @@ enum Emitter {
 struct AreaEmitter {
     placement: u32,
     part: u32,
-    triangles: std::sync::Arc<Discrete>,
+    triangles: Arc<Discrete>,
 }
 
 /// Light arriving at a point from a sampled direction.
@@ -72,7 +73,7 @@ impl Lights {
     pub(crate) fn new<'a>(
         tables: Tables<'_>,
         lights: impl Iterator<Item = &'a Light>,
-        environment: EnvironmentLight,
+        environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
     ) -> Self {
         let cross_section = bounds.map_or(1.0, |b| PI * b.radius().powi(2)).max(1e-6);
@@ -91,9 +92,8 @@ impl Lights {
                     continue;
                 }
                 let key = (part.geometry, part.material);
-                let triangles = shared
-                    .entry(key)
-                    .or_insert_with(|| std::sync::Arc::new(triangle_weights(part, material)));
+                let triangles =
+                    shared.entry(key).or_insert_with(|| Arc::new(triangle_weights(part, material)));
                 // The cube root of the volume scale, squared, stands for the scale of areas.
                 let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
                 let sides = if material.source().double_sided { 2.0 } else { 1.0 };

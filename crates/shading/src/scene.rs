@@ -1,5 +1,7 @@
 //! The shader tables of one scene: everything transport asks about hits and lights.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use heliostat_kernel::Hit;
 use heliostat_scene::{Light, SceneBounds};
@@ -16,7 +18,7 @@ use crate::surface::{Placement, ShadedPart, Surface, SurfaceQuery, surface, tran
 #[derive(Clone, Debug)]
 pub struct ShadingScene {
     materials: Vec<SurfaceMaterial>,
-    placements: Vec<Placement>,
+    placements: Arc<[Placement]>,
     lights: Lights,
     see_through: bool,
 }
@@ -34,9 +36,9 @@ impl ShadingScene {
     /// Ties the tables together and collects the lights.
     pub fn new<'a>(
         materials: Vec<SurfaceMaterial>,
-        placements: Vec<Placement>,
+        placements: Arc<[Placement]>,
         lights: impl Iterator<Item = &'a Light>,
-        environment: EnvironmentLight,
+        environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
     ) -> Self {
         let tables = Tables { placements: &placements, materials: &materials };

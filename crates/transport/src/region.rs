@@ -65,7 +65,7 @@ impl Region {
     /// The pixels in blocks of 4×4, so that every 16 camera rays in a row form a narrow frustum.
     pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
         let blocks =
-            (0..self.height).step_by(4).flat_map(|y| (0..self.width).step_by(4).map(move |x| (x, y)));
+            (0..self.height).step_by(4).flat_map(move |y| (0..self.width).step_by(4).map(move |x| (x, y)));
         blocks.flat_map(move |(bx, by)| {
             let (columns, rows) = (bx..(bx + 4).min(self.width), by..(by + 4).min(self.height));
             rows.flat_map(move |y| columns.clone().map(move |x| (self.x + x, self.y + y)))
