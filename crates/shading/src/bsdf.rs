@@ -89,6 +89,8 @@ pub(crate) struct Glass {
     /// Index on the far side over that on `wo`'s side.
     pub(crate) eta: f32,
     pub(crate) alpha: f32,
+    /// Share of light that is reflected, over all microfacets.
+    pub(crate) reflectance: f32,
     /// Weight of reflected light, energy compensation included.
     pub(crate) reflect: Vec3,
     /// Weight of transmitted light, tint and energy compensation included.
@@ -156,14 +158,12 @@ pub struct BsdfValue {
 impl Bsdf {
     /// Sets the lobes present and how often each is sampled: in proportion to the light it reflects.
     pub(crate) fn finish(mut self, specular_albedo: Vec3, coat_albedo: f32) -> Self {
-        let cos = self.basis.z.dot(self.wo).max(0.0);
-        let reflectance = if self.glass.eta > 0.0 { dielectric(cos, self.glass.eta) } else { 0.0 };
         let albedos = [
             self.diffuse,
             specular_albedo,
             Vec3::splat(coat_albedo),
-            self.glass.reflect * reflectance,
-            self.glass.transmit * (1.0 - reflectance),
+            self.glass.reflect * self.glass.reflectance,
+            self.glass.transmit * (1.0 - self.glass.reflectance),
             self.thin.color,
         ];
         let weights = albedos.map(luminance);
@@ -344,7 +344,8 @@ fn ggx_reflection(wo: Vec3, wi: Vec3, alpha: f32) -> (f32, f32, f32) {
 }
 
 impl Glass {
-    pub(crate) const NONE: Self = Self { eta: 0.0, alpha: 1.0, reflect: Vec3::ZERO, transmit: Vec3::ZERO };
+    pub(crate) const NONE: Self =
+        Self { eta: 0.0, alpha: 1.0, reflectance: 0.0, reflect: Vec3::ZERO, transmit: Vec3::ZERO };
 
     fn reflected_value(&self, basis: &Basis, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
