@@ -232,7 +232,7 @@ impl SurfaceMaterial {
             glass,
             thin: ThinTransmission { color: (sheet - clear) / (kept.x + kept.y).max(1e-3), alpha },
             lobes: Lobes::NONE,
-            choice: [0.0; 6],
+            choice: [0.0; 5],
         };
         Appearance {
             bsdf: bsdf.finish(specular_albedo, coat.albedo),
