@@ -23,21 +23,6 @@ pub(crate) fn wood(uv: Vec2, dark: Vec3, light: Vec3, seed: u32) -> Vec3 {
     mix(dark, light, 0.25 + 0.45 * ring + 0.3 * fibre)
 }
 
-/// Boards of wood laid along u, `rows` of them, joints staggered.
-pub(crate) fn boards(uv: Vec2, rows: u32, dark: Vec3, light: Vec3, seed: u32) -> Vec3 {
-    let row = (uv.y * rows as f32) as u32 % rows;
-    let shift = hash(row, 7, seed);
-    let along = (uv.x + shift).fract() * 2.0;
-    let board = along as u32;
-    let tone = 0.7 + 0.5 * hash(row, board, seed + 3);
-    let y = (uv.y * rows as f32).fract();
-    let edge = (along.fract().min(1.0 - along.fract()) * rows as f32 * 0.5).min(y.min(1.0 - y));
-    let local = Vec2::new(uv.x, (y * 0.3 + hash(row, board, seed + 5)).fract());
-    wood(local, dark, light, seed + row % 4)
-        * tone
-        * mix(Vec3::splat(0.35), Vec3::ONE, smooth(0.0, 0.03, edge))
-}
-
 /// Marble: veins through a clouded ground.
 pub(crate) fn marble(uv: Vec2, ground: Vec3, vein: Vec3, seed: u32) -> Vec3 {
     let warp = Vec2::new(fbm(uv * 4.0, 4, 4, seed), fbm(uv * 4.0, 4, 4, seed + 17)) * 1.5;

@@ -119,7 +119,7 @@ fn grow(rng: &mut Rng, habit: &Habit, stem: usize, stems: &mut Shape, leaves: &m
 fn leaf(base: Vec3, direction: Vec3, length: f32, curl: f32) -> Shape {
     let across = direction.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
     let frame = Mat3::from_cols(across, across.cross(direction).normalize(), direction);
-    Shape::patch(2, 6, Vec2::ONE, |u, v| {
+    Shape::patch(2, 4, Vec2::ONE, |u, v| {
         let (x, t) = (u - 0.5, v * curl);
         let forward = t.sin() / curl;
         let drop = (1.0 - t.cos()) / curl;

@@ -30,8 +30,8 @@ pub(crate) fn build() -> Vec<Edit> {
         }
     }
     builder.environment(sky::studio());
-    let (eye, target) = (Vec3::new(0.0, 3.1, 6.4), Vec3::new(0.0, 0.75, -1.3));
-    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.62));
+    let (eye, target) = (Vec3::new(0.0, 2.9, 6.0), Vec3::new(0.0, 0.85, -1.3));
+    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.52));
     builder.camera(Camera::look_at(
         "low",
         Vec3::new(-3.4, 0.7, 3.2),
@@ -72,7 +72,7 @@ fn material(kind: &str, roughness: f32) -> Material {
 
 /// A floor that bends up into a wall, with steps for the rows of spheres.
 fn backdrop(builder: &mut SceneBuilder) {
-    let paper = paint::texture(builder, "paper", 256, |uv| Vec3::splat(0.42 + 0.05 * fbm(uv * 8.0, 8, 4, 3)));
+    let paper = paint::texture(builder, "paper", 256, |uv| Vec3::splat(0.26 + 0.05 * fbm(uv * 8.0, 8, 4, 3)));
     let paper = paint::textured(builder, "paper", paper, Vec2::splat(4.0), 0.6);
     let sweep = Shape::patch(1, 48, Vec2::new(24.0, 20.0), |u, v| {
         // Straight floor, a quarter circle of three metres, straight wall.

@@ -127,7 +127,9 @@ fn fingerprint(edit: &Edit) -> (String, Vec<u8>) {
         }
         Edit::Texture(id, texture) => match &texture.image.pixels {
             Pixels::Rgba8(pixels) => (id.to_string(), pixels.clone()),
-            Pixels::RgbaF32(pixels) => (id.to_string(), pixels.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Pixels::RgbaF32(pixels) => {
+                (id.to_string(), pixels.iter().flat_map(|v| v.to_le_bytes()).collect())
+            }
         },
         other => (format!("{other:?}"), Vec::new()),
     }

@@ -156,10 +156,10 @@ fn banner(uv: Vec2, field: Vec3, gold: Vec3) -> Vec4 {
 
 /// Curtains drawn to one side behind every other arch of the long sides.
 fn curtains(builder: &mut SceneBuilder, palette: &Palette) {
-    let sheet = Shape::patch(72, 20, Vec2::new(1.6, 3.0), |u, v| {
+    let sheet = Shape::patch(48, 14, Vec2::new(1.6, 3.0), |u, v| {
         // Gathered at a tie two fifths up, full at the top.
         let gather = 1.0 - 0.62 * (-((v - 0.40) / 0.22).powi(2)).exp();
-        let fold = 0.07 * (0.5 + 0.5 * gather) * (u * TAU * 9.0 + 0.8 * (3.0 * v).sin()).sin();
+        let fold = 0.07 * (0.5 + 0.5 * gather) * (u * TAU * 6.0 + 0.8 * (3.0 * v).sin()).sin();
         let x = -1.32 + (0.12 + 0.95 * u * gather) * (0.75 + 0.35 * v);
         Vec3::new(x, 0.03 + 3.55 * v, fold)
     });
@@ -194,7 +194,7 @@ fn doors_and_benches(builder: &mut SceneBuilder, palette: &Palette) {
     for i in 0..6 {
         let x = -0.60 + 0.24 * i as f32;
         let height = 1.95 + (0.72f32.powi(2) - x * x).max(0.0).sqrt();
-        let plank = Shape::rounded_block(Vec3::new(0.23, height, 0.07), 0.012, 2, 1);
+        let plank = Shape::rounded_block(Vec3::new(0.23, height, 0.07), 0.012, 1, 1);
         leaves.add(&plank.with_uvs(|uv| Vec2::new(uv.y, uv.x + 0.31 * i as f32)).moved(Vec3::new(
             x,
             0.5 * height,

@@ -88,14 +88,14 @@ fn column(builder: &mut SceneBuilder, palette: &Palette, storey: Storey) -> Obje
     .iter()
     .map(|&(x, y)| (x * r, 0.24 + y * r))
     .collect();
-    shape.add(&lathe(32, &base));
+    shape.add(&lathe(20, &base));
     shape.add(&shaft(r, base_top, neck));
     let bell: Vec<_> =
         [(0.86, 0.0), (0.95, 0.06), (0.86, 0.14), (0.88, 1.2), (1.02, 1.9), (1.30, 2.4), (1.36, 2.5)]
             .iter()
             .map(|&(x, y)| (x * r, neck + y * r))
             .collect();
-    shape.add(&lathe(24, &bell));
+    shape.add(&lathe(20, &bell));
     for row in 0..2 {
         for i in 0..8 {
             let turn = (i as f32 + 0.5 * row as f32) * 0.25 * PI;
@@ -106,7 +106,7 @@ fn column(builder: &mut SceneBuilder, palette: &Palette, storey: Storey) -> Obje
     // Volutes under the abacus's corners.
     for i in 0..4 {
         let turn = Affine3A::from_rotation_y((i as f32 + 0.5) * 0.5 * PI);
-        let scroll = torus(Vec3::ZERO, 0.22 * r, 0.10 * r, [10, 6]).at(Affine3A::from_rotation_x(0.5 * PI));
+        let scroll = torus(Vec3::ZERO, 0.22 * r, 0.10 * r, [8, 5]).at(Affine3A::from_rotation_x(0.5 * PI));
         shape.add(&scroll.moved(Vec3::new(1.52 * r, neck + 2.2 * r, 0.0)).at(turn));
     }
     shape.add(&Shape::block_on(Vec3::Y * (neck + 2.5 * r), Vec3::new(3.0 * r, 0.4 * r, 3.0 * r)));
@@ -128,7 +128,7 @@ fn shaft(r: f32, bottom: f32, top: f32) -> Shape {
 
 /// One leaf of a capital, standing against the bell on the +X side and curling outwards at its tip.
 fn acanthus(r: f32, height: f32, foot: f32) -> Shape {
-    Shape::patch(3, 6, Vec2::splat(0.3), |u, v| {
+    Shape::patch(2, 5, Vec2::splat(0.3), |u, v| {
         let width = 0.62 * r * (1.0 - 0.75 * v * v);
         let angle = (u - 0.5) * width / r * 1.3;
         let curl = (v * 1.15).powi(5) * 0.42 * r;
@@ -158,7 +158,7 @@ fn pier(storey: Storey) -> Shape {
 
 /// The wall above one arch: two faces, the soffit, and the undersides that rest on the capitals.
 fn arch_wall(width: f32, height: f32) -> Shape {
-    const STEPS: u32 = 24;
+    const STEPS: u32 = 16;
     let half = 0.5 * width;
     let mut shape = Shape::default();
     for side in [1.0f32, -1.0] {
@@ -198,13 +198,13 @@ fn arch_trim(width: f32) -> Shape {
     let mut shape = Shape::default();
     for z in [0.5 * WALL, -0.5 * WALL] {
         for (radius, thick) in [(ARCH + 0.05, 0.05), (ARCH + 0.20, 0.035)] {
-            let ring: Vec<_> = (0..=24)
-                .map(|i| PI * i as f32 / 24.0)
+            let ring: Vec<_> = (0..=16)
+                .map(|i| PI * i as f32 / 16.0)
                 .map(|a| (Vec3::new(radius * a.cos(), radius * a.sin(), z), thick))
                 .collect();
-            shape.add(&tube(&ring, 6, false));
+            shape.add(&tube(&ring, 4, false));
         }
-        let roundel = torus(Vec3::ZERO, 0.26, 0.045, [24, 6]).at(Affine3A::from_rotation_x(0.5 * PI));
+        let roundel = torus(Vec3::ZERO, 0.26, 0.045, [16, 5]).at(Affine3A::from_rotation_x(0.5 * PI));
         shape.add(&roundel.moved(Vec3::new(-0.5 * width, 1.25, z)));
     }
     let keystone = Shape::block_on(Vec3::ZERO, Vec3::new(0.30, 0.46, WALL + 0.16));
@@ -216,7 +216,7 @@ fn arch_trim(width: f32) -> Shape {
 
 /// Balusters between a plinth and a handrail around the gallery.
 fn balustrade(builder: &mut SceneBuilder, palette: &Palette) {
-    const PER_BAY: usize = 9;
+    const PER_BAY: usize = 8;
     let profile: Vec<_> = [
         (0.07, 0.0),
         (0.07, 0.05),
@@ -230,7 +230,7 @@ fn balustrade(builder: &mut SceneBuilder, palette: &Palette) {
         (0.065, 0.68),
     ]
     .into();
-    let baluster = object(builder, "baluster", lathe(10, &profile), palette.limestone);
+    let baluster = object(builder, "baluster", lathe(8, &profile), palette.limestone);
     for bay in bays() {
         let frame = at_bay(bay, UPPER_FLOOR + 0.12);
         let room = bay.2 - 2.6 * STOREYS[1].column_radius;
