@@ -1,2 +1,38 @@
 //! Rays in, hits out: accelerators, SIMD traversal and multi-level worlds.
+//!
+//! Build a [`TriangleBvh`] over the meshes of an object, put it (and placed copies of other objects) into an
+//! [`Object`], and ask a [`World`] over the root object through [`RayQuery`]: tiles of rays with a common origin,
+//! or any rays. [`Oracle`] answers the same questions by brute force, to check the rest against.
+//!
+//! Results are watertight within an object: no ray slips between triangles that share an edge or a vertex. Input
+//! that is NaN, infinite or degenerate has a defined answer, stated with each type.
 #![forbid(unsafe_code)]
+
+mod aabb;
+mod build;
+mod error;
+mod isa;
+mod layout;
+mod mesh;
+mod object;
+mod oracle;
+mod query;
+mod ray;
+mod tile;
+mod traverse;
+mod triangle_bvh;
+mod world;
+
+pub use aabb::Aabb;
+pub use build::{BuildOptions, TreeStats};
+pub use error::{BuildError, IsaError};
+pub use glam;
+pub use isa::Isa;
+pub use mesh::Mesh;
+pub use object::{Instance, MAX_INSTANCE_DEPTH, Object};
+pub use oracle::{NearHit, Oracle};
+pub use query::RayQuery;
+pub use ray::{Hit, PathId, Ray};
+pub use tile::Tile;
+pub use triangle_bvh::TriangleBvh;
+pub use world::{PathVisitor, ResolvedPath, World};

@@ -57,7 +57,7 @@ impl Camera {
     }
 
     /// What is out of range, if anything.
-    pub(crate) fn inconsistency(&self) -> Option<String> {
+    pub fn problem(&self) -> Option<String> {
         let place = self.world_from_camera;
         if !place.is_finite() || place.matrix3.determinant() == 0.0 {
             return Some(

@@ -13,7 +13,6 @@ use crate::{
 ///
 /// A list of edits is applied as a whole: references may point forward within the list.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
 pub enum Edit {
     /// Defines or replaces a geometry.
     Geometry(GeometryId, Geometry),
@@ -51,7 +50,6 @@ pub enum Edit {
 
 /// What an edit or an error is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
 #[expect(missing_docs, reason = "each variant is the handle it holds")]
 pub enum Target {
     Geometry(GeometryId),

@@ -84,7 +84,6 @@ pub enum MaterialOverride {
 /// Auxiliary data per pixel: the mean over the pixel's samples, except for the identifiers, which belong to the
 /// pixel's first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
 pub enum Plane {
     /// Distance from the camera along the ray, metres; 0 where nothing is hit.
     Depth,

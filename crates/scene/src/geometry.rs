@@ -6,7 +6,6 @@ use glam::{Vec2, Vec3, Vec4};
 
 /// A shape in object space, shared by reference: cloning is cheap.
 #[derive(Clone, Debug)]
-#[non_exhaustive]
 pub enum Geometry {
     /// Indexed triangles.
     Mesh(Arc<Mesh>),

@@ -47,5 +47,5 @@ pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId
 pub use light::{Environment, EnvironmentMap, Light, LightKind};
 pub use material::{AlphaMode, Clearcoat, Material, TextureRef, UvTransform, Volume};
 pub use object::{Instance, Object, Part};
-pub use scene::{Scene, SceneBounds};
+pub use scene::{Applied, Scene, SceneBounds};
 pub use texture::{ColorSpace, Image, Pixels, Texture, Wrap};

@@ -44,7 +44,12 @@ impl SceneBounds {
     }
 }
 
-/// How to take one edit back: what the handle held before.
+/// Edits that were applied, for [`Scene::revert`]: what each handle held before.
+#[derive(Debug)]
+pub struct Applied(Vec<Undo>);
+
+/// How to take one edit back.
+#[derive(Debug)]
 enum Undo {
     Geometry(GeometryId, Option<Geometry>),
     Texture(TextureId, Option<Arc<Texture>>),
@@ -111,16 +116,25 @@ impl Scene {
     ///
     /// # Errors
     /// The first edit that contradicts itself or the scene; the scene is then unchanged.
-    pub fn apply(&mut self, edits: &[Edit]) -> Result<(), EditError> {
+    pub fn apply(&mut self, edits: &[Edit]) -> Result<Applied, EditError> {
         let mut undo = Vec::with_capacity(edits.len());
         let result = edits
             .iter()
             .try_for_each(|edit| self.apply_one(edit).map(|step| undo.push(step)))
             .and_then(|()| self.check_references(edits, &undo));
-        if result.is_err() {
-            undo.into_iter().rev().for_each(|step| self.revert(step));
+        let applied = Applied(undo);
+        match result {
+            Ok(()) => Ok(applied),
+            Err(error) => {
+                self.revert(applied);
+                Err(error)
+            }
         }
-        result
+    }
+
+    /// Takes the edits of one call of [`Self::apply`] back; only the latest one may be.
+    pub fn revert(&mut self, applied: Applied) {
+        applied.0.into_iter().rev().for_each(|step| self.revert_one(step));
     }
 
     fn apply_one(&mut self, edit: &Edit) -> Result<Undo, EditError> {
@@ -164,7 +178,7 @@ impl Scene {
                 Undo::Light(*id, self.lights.insert(*id, light.clone()))
             }
             Edit::Camera(id, camera) => {
-                valid(Target::Camera(*id), camera.inconsistency())?;
+                valid(Target::Camera(*id), camera.problem())?;
                 Undo::Camera(*id, self.cameras.insert(*id, camera.clone()))
             }
             Edit::Environment(environment) => {
@@ -202,7 +216,7 @@ impl Scene {
         })
     }
 
-    fn revert(&mut self, step: Undo) {
+    fn revert_one(&mut self, step: Undo) {
         fn restore<K: Ord, V>(map: &mut BTreeMap<K, V>, id: K, before: Option<V>) {
             match before {
                 Some(value) => map.insert(id, value),

@@ -1,2 +1,35 @@
 //! What a hit looks like: surfaces, lights, cameras, environments, textures and samplers.
+//!
+//! This crate turns the kernel's hits into [`Surface`]s with scattering functions ([`Bsdf`]) and samples the scene's
+//! [`Lights`]. It knows nothing of accelerators, tiles or files. Directions point away from surfaces; `wo` towards the
+//! viewer, `wi` towards the light; densities are per steradian unless said otherwise.
 #![forbid(unsafe_code)]
+
+pub mod albedo;
+mod basis;
+mod bsdf;
+mod camera;
+pub mod color;
+mod environment;
+mod filter;
+pub mod fresnel;
+mod light;
+mod material;
+pub mod microfacet;
+mod sampler;
+pub mod sampling;
+mod scene;
+mod surface;
+mod texture;
+
+pub use basis::Basis;
+pub use bsdf::{Bsdf, BsdfSample, BsdfValue, Lobes};
+pub use camera::{CameraRay, CameraRays, Cone};
+pub use environment::EnvironmentLight;
+pub use filter::PixelFilter;
+pub use light::{LightSample, Lights};
+pub use material::{InterfaceCache, SurfaceMaterial};
+pub use sampler::{Sampler, points};
+pub use scene::{EmitterPdf, ShadingScene};
+pub use surface::{Placement, ShadedPart, Surface, SurfaceQuery};
+pub use texture::MipMap;

@@ -1,2 +1,50 @@
 //! How light gets there: the integrators.
+//!
+//! An integrator renders one region of the picture at a time, a whole region per step: it asks the kernel in batches
+//! (tiles of camera rays with a common origin where the camera has one) and shades between the queries. It is generic
+//! over [`RayQuery`](heliostat_kernel::RayQuery), so that the oracle or a recorder can stand in for the kernel. The
+//! result of a pixel depends on the pixel alone, never on the region, its neighbours or the number of threads.
 #![forbid(unsafe_code)]
+
+mod direct;
+mod path;
+mod region;
+mod shadow;
+
+pub use region::{FirstHit, PixelSum, Region, Settings, View};
+
+use heliostat_kernel::RayQuery;
+
+/// The renderers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// The unbiased reference path tracer.
+    Path,
+    /// The classical recursive ray tracer: direct light, mirrors and glass.
+    Direct,
+}
+
+impl Integrator {
+    /// All of them with their names.
+    pub const NAMES: &[(&str, Self)] = &[("path", Self::Path), ("direct", Self::Direct)];
+
+    /// The integrator of this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::NAMES.iter().find(|(known, _)| *known == name).map(|&(_, integrator)| integrator)
+    }
+
+    /// Renders all samples of a region's pixels. `sums` has one entry per pixel in the order of
+    /// [`Region::pixels`]; the number of rays traced is returned.
+    pub fn render<Q: RayQuery + ?Sized>(
+        self,
+        view: &View<'_, Q>,
+        settings: &Settings,
+        region: &Region,
+        sums: &mut [PixelSum],
+    ) -> u64 {
+        match self {
+            Self::Path => path::render(view, settings, region, sums),
+            Self::Direct => direct::render(view, settings, region, sums),
+        }
+    }
+}

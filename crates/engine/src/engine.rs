@@ -1,0 +1,201 @@
+//! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
+
+use std::num::NonZeroUsize;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use heliostat_kernel::Isa;
+use heliostat_scene::{
+    ApplyReport, Backend, BackendError, Edit, Frame, FrameRequest, FrameStats, MaterialOverride, Progress,
+    Scene,
+};
+use heliostat_shading::{CameraRays, PixelFilter};
+use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
+
+use crate::compile::Compiled;
+use crate::film;
+
+/// Stack of a rendering thread: instances may nest 64 deep, and each level keeps a tile's worth of rays.
+const STACK_BYTES: usize = 16 << 20;
+/// Most pixels of one picture.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// How the engine runs.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EngineOptions {
+    /// Threads to build and render with; `None` takes one per core. Never changes a result.
+    pub threads: Option<NonZeroUsize>,
+}
+
+/// The CPU backend.
+pub struct Engine {
+    scene: Scene,
+    compiled: Compiled,
+    threads: NonZeroUsize,
+    pool: rayon::ThreadPool,
+}
+
+impl std::fmt::Debug for Engine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Engine").field("threads", &self.threads).finish_non_exhaustive()
+    }
+}
+
+impl Engine {
+    /// An engine with an empty scene.
+    ///
+    /// # Errors
+    /// [`BackendError::Request`] if `HELIOSTAT_ISA` names an instruction set that is unknown or missing here,
+    /// [`BackendError::Failed`] if threads cannot be started.
+    pub fn new(options: EngineOptions) -> Result<Self, BackendError> {
+        Isa::from_env().map_err(|error| BackendError::Request(format!("HELIOSTAT_ISA: {error}")))?;
+        let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        let threads = options.threads.unwrap_or_else(cores);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.get())
+            .thread_name(|i| format!("heliostat-build-{i}"))
+            .build()
+            .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
+        Ok(Self { scene: Scene::default(), compiled: Compiled::default(), threads, pool })
+    }
+
+    /// The scene as all edits so far have made it.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Renders all regions; threads draw from one queue. Sums come back in the order of the regions.
+    fn render_regions(
+        &self,
+        request: &FrameRequest,
+        integrator: Integrator,
+        progress: &Progress,
+    ) -> Result<(Vec<Vec<PixelSum>>, u64), BackendError> {
+        let camera = CameraRays::new(&request.camera, request.width, request.height);
+        let scene = self.compiled.shading(request.materials);
+        let view = View { query: self.compiled.world(), scene, camera: &camera };
+        let settings = Settings {
+            samples: request.samples,
+            max_depth: request.max_depth,
+            seed: request.seed,
+            frame: request.frame,
+            filter: PixelFilter::new(request.filter),
+            ambient: request.ambient,
+        };
+        let regions: Vec<Region> = Region::cover(request.width, request.height).collect();
+        progress.start(regions.len() as u64);
+        let next = AtomicUsize::new(0);
+        let rays = AtomicU64::new(0);
+        let finished = Mutex::new(vec![Vec::new(); regions.len()]);
+        let work = || {
+            while !progress.is_cancelled() {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(region) = regions.get(index) else { return };
+                let mut sums = vec![PixelSum::default(); (region.width * region.height) as usize];
+                rays.fetch_add(integrator.render(&view, &settings, region, &mut sums), Ordering::Relaxed);
+                if let Ok(mut finished) = finished.lock() {
+                    finished[index] = sums;
+                }
+                progress.advance(1);
+            }
+        };
+        std::thread::scope(|scope| {
+            let start = |i: usize| {
+                let builder = std::thread::Builder::new().name(format!("heliostat-render-{i}"));
+                builder.stack_size(STACK_BYTES).spawn_scoped(scope, work)
+            };
+            (0..self.threads.get().min(regions.len())).try_for_each(|i| start(i).map(drop))
+        })
+        .map_err(|error| BackendError::Failed(format!("cannot start a rendering thread: {error}")))?;
+        if progress.is_cancelled() {
+            return Err(BackendError::Cancelled);
+        }
+        let sums =
+            finished.into_inner().map_err(|_| BackendError::Failed("a rendering thread panicked".into()))?;
+        Ok((sums, rays.into_inner()))
+    }
+}
+
+impl Backend for Engine {
+    fn apply(&mut self, edits: &[Edit], progress: &Progress) -> Result<ApplyReport, BackendError> {
+        let start = Instant::now();
+        let previous = self.compiled.clone();
+        let applied = self.scene.apply(edits)?;
+        let result = self.pool.install(|| self.compiled.update(&self.scene, edits, progress));
+        match result {
+            Ok(mut report) => {
+                report.milliseconds = start.elapsed().as_secs_f64() * 1e3;
+                Ok(report)
+            }
+            Err(error) => {
+                self.scene.revert(applied);
+                self.compiled = previous;
+                Err(error)
+            }
+        }
+    }
+
+    fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError> {
+        let start = Instant::now();
+        let integrator = check(request)?;
+        if request.materials != MaterialOverride::None {
+            self.compiled.prepare_override(&self.scene, request.materials);
+        }
+        let (sums, rays) = self.render_regions(request, integrator, progress)?;
+        let mut frame = film::assemble(request, &sums);
+        frame.stats = FrameStats { milliseconds: start.elapsed().as_secs_f64() * 1e3, rays };
+        Ok(frame)
+    }
+
+    fn renderers(&self) -> &[&'static str] {
+        const NAMES: [&str; Integrator::NAMES.len()] = {
+            let mut names = [""; Integrator::NAMES.len()];
+            let mut i = 0;
+            while i < names.len() {
+                names[i] = Integrator::NAMES[i].0;
+                i += 1;
+            }
+            names
+        };
+        &NAMES
+    }
+}
+
+/// What is wrong with a request, or the integrator it asks for.
+fn check(request: &FrameRequest) -> Result<Integrator, BackendError> {
+    let refuse = |reason: String| Err(BackendError::Request(reason));
+    let pixels = u64::from(request.width) * u64::from(request.height);
+    if pixels == 0 {
+        return refuse(format!(
+            "the picture is {}×{} pixels; give it at least one",
+            request.width, request.height
+        ));
+    }
+    if pixels > MAX_PIXELS {
+        return Err(BackendError::Limit(format!(
+            "{}×{} are {pixels} pixels; the limit is {MAX_PIXELS}",
+            request.width, request.height
+        )));
+    }
+    if request.samples == 0 {
+        return refuse("0 samples per pixel; ask for at least 1".into());
+    }
+    if request.max_depth == Some(0) {
+        return refuse("a path depth of 0 shows nothing; 1 shows emission alone".into());
+    }
+    if let Some(problem) = request.camera.problem() {
+        return refuse(format!("the camera: {problem}"));
+    }
+    Integrator::by_name(&request.renderer).map_or_else(
+        || {
+            let known: Vec<_> = Integrator::NAMES.iter().map(|(name, _)| *name).collect();
+            refuse(format!(
+                "there is no renderer `{}`; this backend has: {}",
+                request.renderer,
+                known.join(", ")
+            ))
+        },
+        Ok,
+    )
+}

@@ -1,0 +1,31 @@
+//! The triangle mesh that the kernel reads; shared, never copied.
+use std::sync::Arc;
+
+use glam::Vec3;
+
+/// An indexed triangle mesh in object space. Cloning shares the arrays.
+///
+/// Triangles with a vertex that is not finite, or with zero area, are kept in the numbering but never hit.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Vertex positions, object space.
+    pub positions: Arc<[Vec3]>,
+    /// Three vertex indices per triangle, counter-clockwise as seen from the front.
+    pub indices: Arc<[[u32; 3]]>,
+}
+
+impl Mesh {
+    /// A mesh of the given arrays; nothing is checked until a tree is built over it.
+    #[must_use]
+    pub fn new(positions: impl Into<Arc<[Vec3]>>, indices: impl Into<Arc<[[u32; 3]]>>) -> Self {
+        Self { positions: positions.into(), indices: indices.into() }
+    }
+
+    /// The three corners of triangle `index`, or `None` if it or one of its vertices does not exist.
+    #[must_use]
+    pub fn corners(&self, index: usize) -> Option<[Vec3; 3]> {
+        let [a, b, c] = *self.indices.get(index)?;
+        let vertex = |i: u32| self.positions.get(i as usize).copied();
+        Some([vertex(a)?, vertex(b)?, vertex(c)?])
+    }
+}

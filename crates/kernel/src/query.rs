@@ -1,0 +1,27 @@
+//! The one interface through which rays are asked, so that an oracle or a recorder can stand in.
+use crate::{
+    aabb::Aabb,
+    ray::{Hit, Ray},
+    tile::Tile,
+};
+
+/// Something that can be asked with rays: a [`World`](crate::World) or an [`Oracle`](crate::Oracle).
+///
+/// Output slices are as long as the input; if they differ, the common part is answered. Every slot of that part
+/// is written. Queries run on the calling thread and may run on many threads at once.
+pub trait RayQuery: Sync {
+    /// Closest hits of a tile of rays with a common origin: `hits[i]` answers ray `i`.
+    fn intersect_tile(&self, tile: &Tile, hits: &mut [Hit]);
+
+    /// Whether anything lies in the interval of each ray of a tile.
+    fn occluded_tile(&self, tile: &Tile, occluded: &mut [bool]);
+
+    /// Closest hits of arbitrary rays, any number.
+    fn intersect(&self, rays: &[Ray], hits: &mut [Hit]);
+
+    /// Whether anything lies in the interval of each ray.
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
+
+    /// The box around everything that can be hit, in world space; empty if there is nothing.
+    fn bounds(&self) -> Aabb;
+}

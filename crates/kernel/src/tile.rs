@@ -1,0 +1,99 @@
+//! Tiles: up to 256 coherent rays from one origin, the unit of work of the fast path.
+use glam::Vec3;
+
+use crate::ray::Ray;
+
+/// Up to [`Tile::CAPACITY`] rays with one common origin: a camera, a light or a virtual point light.
+///
+/// Push rays in an order in which each run of 16 is compact (4×4 pixels, say): the kernel culls by runs of 16.
+/// Any order gives the same answers. Directions need not be unit vectors; `t` is measured in their lengths.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    pub(crate) origin: Vec3,
+    pub(crate) direction: [[f32; Tile::CAPACITY]; 3],
+    pub(crate) t_min: [f32; Tile::CAPACITY],
+    pub(crate) t_max: [f32; Tile::CAPACITY],
+    pub(crate) len: usize,
+}
+
+impl Tile {
+    /// The largest number of rays.
+    pub const CAPACITY: usize = 256;
+
+    /// An empty tile whose rays will start at `origin` (space of the world asked).
+    #[must_use]
+    pub fn new(origin: Vec3) -> Self {
+        let zero = [0.0; Self::CAPACITY];
+        Self { origin, direction: [zero; 3], t_min: zero, t_max: zero, len: 0 }
+    }
+
+    /// Empties the tile and moves it to another origin: cheaper than a new tile.
+    pub fn restart(&mut self, origin: Vec3) {
+        self.origin = origin;
+        self.len = 0;
+    }
+
+    /// Removes all rays and keeps the origin.
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// Adds a ray over `0 < t < t_max` and returns its index, or `None` if the tile is full.
+    pub fn push(&mut self, direction: Vec3, t_max: f32) -> Option<usize> {
+        self.push_interval(direction, 0.0, t_max)
+    }
+
+    /// Adds a ray over `t_min < t < t_max` and returns its index, or `None` if the tile is full.
+    pub fn push_interval(&mut self, direction: Vec3, t_min: f32, t_max: f32) -> Option<usize> {
+        let index = self.len;
+        if index >= Self::CAPACITY {
+            return None;
+        }
+        for (lane, value) in self.direction.iter_mut().zip(direction.to_array()) {
+            lane[index] = value;
+        }
+        self.t_min[index] = t_min;
+        self.t_max[index] = t_max;
+        self.len = index + 1;
+        Some(index)
+    }
+
+    /// Number of rays.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True if there is no ray.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// True if no further ray fits.
+    #[must_use]
+    pub const fn is_full(&self) -> bool {
+        self.len == Self::CAPACITY
+    }
+
+    /// The common origin.
+    #[must_use]
+    pub const fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// Ray `index` as a ray of its own, or `None` past the end.
+    #[must_use]
+    pub fn ray(&self, index: usize) -> Option<Ray> {
+        (index < self.len).then(|| Ray {
+            origin: self.origin,
+            t_min: self.t_min[index],
+            direction: Vec3::new(
+                self.direction[0][index],
+                self.direction[1][index],
+                self.direction[2][index],
+            ),
+            t_max: self.t_max[index],
+        })
+    }
+}

@@ -1,0 +1,166 @@
+//! Objects with instances: down through the instance tree, and back up with the normal.
+use fearless_simd::{f32x8, prelude::*};
+use glam::{Mat3A, Vec3, Vec3A};
+
+use super::{finish, local::LocalRay, single, slab::Slab, stack::Stack};
+use crate::{
+    layout::Child,
+    object::{Object, PlacedInstance},
+    ray::{Hit, PathId},
+};
+
+/// The closest hit in `object` nearer than `hit.t`; writes `hit` (normal in the object's space) and says whether
+/// there was one.
+#[inline(always)]
+pub(super) fn closest<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    hit: &mut Hit,
+    stack: &mut Stack,
+) -> bool {
+    let mut found = false;
+    if let Some(bvh) = &object.triangles
+        && let Some(best) = single::closest(simd, bvh, ray, hit.t, stack)
+    {
+        let block = &bvh.blocks[best.block];
+        let exact = finish::exact(ray, block.corners(best.lane), best.t, hit.t);
+        let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
+        *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };
+        found = true;
+    }
+    if !object.instance_tree.nodes.is_empty() {
+        found |= closest_instance(simd, object, ray, path, hit, stack);
+    }
+    found
+}
+
+#[inline(always)]
+fn closest_instance<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    hit: &mut Hit,
+    stack: &mut Stack,
+) -> bool {
+    let nodes = &object.instance_tree.nodes[..];
+    let slab = Slab::new(simd, ray, object.instance_tree.extent);
+    let mark = stack.mark();
+    let mut found = false;
+    let mut current = Child::inner(0);
+    loop {
+        if current.is_leaf() {
+            let placed = &object.instances[current.payload() as usize];
+            found |= enter_closest(simd, placed, ray, path, hit, stack);
+        } else {
+            let node = &nodes[current.0 as usize];
+            let (enter, bits) = slab.test(node, f32x8::splat(simd, hit.t));
+            if bits & bits.wrapping_sub(1) != 0 {
+                current = stack.push_sorted(&enter.to_array(), &node.child, bits);
+                continue;
+            }
+            if bits != 0 {
+                current = node.child[(bits.trailing_zeros() & 7) as usize];
+                continue;
+            }
+        }
+        match stack.pop(mark, hit.t) {
+            Some(next) => current = next,
+            None => return found,
+        }
+    }
+}
+
+/// A call of its own, so that nesting recurses; it takes the instruction set along.
+#[inline(never)]
+fn enter_closest<S: Simd>(
+    simd: S,
+    placed: &PlacedInstance,
+    ray: &LocalRay,
+    path: PathId,
+    hit: &mut Hit,
+    stack: &mut Stack,
+) -> bool {
+    let Some(local) = ray.transformed(&placed.object_from_parent) else { return false };
+    let path = PathId(path.0 + placed.path_offset);
+    let object = &placed.instance.object;
+    let found = simd.vectorize(
+        #[inline(always)]
+        || closest(simd, object, &local, path, hit, stack),
+    );
+    if found {
+        hit.ng = carry_normal(&placed.normal_from_object, hit.ng);
+    }
+    found
+}
+
+/// A unit normal one level up.
+#[inline(always)]
+pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
+    let n = *normal_from_object * Vec3A::from(ng);
+    // Scaling by the largest entry first keeps the squares in range for any placement.
+    let largest = n.abs().max_element();
+    if largest > 0.0 { (n / largest).normalize_or_zero().into() } else { Vec3::ZERO }
+}
+
+/// Whether anything in `object` lies at `t_min < t < t_max`.
+#[inline(always)]
+pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
+    if let Some(bvh) = &object.triangles
+        && single::any(simd, bvh, ray, t_max, stack)
+    {
+        return true;
+    }
+    !object.instance_tree.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)
+}
+
+#[inline(always)]
+fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
+    let nodes = &object.instance_tree.nodes[..];
+    let slab = Slab::new(simd, ray, object.instance_tree.extent);
+    let limit = f32x8::splat(simd, t_max);
+    let mark = stack.mark();
+    let mut current = Child::inner(0);
+    loop {
+        if current.is_leaf() {
+            let placed = &object.instances[current.payload() as usize];
+            if enter_any(simd, placed, ray, t_max, stack) {
+                stack.cut(mark);
+                return true;
+            }
+        } else {
+            let node = &nodes[current.0 as usize];
+            let (enter, bits) = slab.test(node, limit);
+            if bits & bits.wrapping_sub(1) != 0 {
+                current = stack.push_sorted(&enter.to_array(), &node.child, bits);
+                continue;
+            }
+            if bits != 0 {
+                current = node.child[(bits.trailing_zeros() & 7) as usize];
+                continue;
+            }
+        }
+        match stack.pop(mark, t_max) {
+            Some(next) => current = next,
+            None => return false,
+        }
+    }
+}
+
+#[inline(never)]
+fn enter_any<S: Simd>(
+    simd: S,
+    placed: &PlacedInstance,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    let Some(local) = ray.transformed(&placed.object_from_parent) else { return false };
+    let object = &placed.instance.object;
+    simd.vectorize(
+        #[inline(always)]
+        || any(simd, object, &local, t_max, stack),
+    )
+}

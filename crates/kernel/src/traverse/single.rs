@@ -1,0 +1,130 @@
+//! One ray through one 8-wide tree of triangles.
+use fearless_simd::{f32x8, prelude::*};
+
+use super::{local::LocalRay, shear::Shear, slab::Slab, stack::Stack};
+use crate::{
+    layout::{Block, Child},
+    triangle_bvh::TriangleBvh,
+};
+
+/// A triangle that a traversal settled on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub t: f32,
+    pub block: usize,
+    pub lane: usize,
+}
+
+/// The closest triangle with `t_min < t < t_max`.
+#[inline(always)]
+pub(super) fn closest<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<Candidate> {
+    let nodes = &bvh.tree.nodes[..];
+    if nodes.is_empty() {
+        return None;
+    }
+    let slab = Slab::new(simd, ray, bvh.tree.extent);
+    let shear = Shear::new(simd, ray);
+    let mark = stack.mark();
+    let mut best = None;
+    let mut t_max = t_max;
+    let mut current = Child::inner(0);
+    loop {
+        if current.is_leaf() {
+            let (first, end) = current.block_range();
+            for block in first..end {
+                closest_in_block(simd, &shear, &bvh.blocks, block, &mut t_max, &mut best);
+            }
+        } else {
+            let node = &nodes[current.0 as usize];
+            let (enter, bits) = slab.test(node, f32x8::splat(simd, t_max));
+            if bits & bits.wrapping_sub(1) != 0 {
+                current = stack.push_sorted(&enter.to_array(), &node.child, bits);
+                continue;
+            }
+            if bits != 0 {
+                current = node.child[(bits.trailing_zeros() & 7) as usize];
+                continue;
+            }
+        }
+        match stack.pop(mark, t_max) {
+            Some(next) => current = next,
+            None => return best,
+        }
+    }
+}
+
+#[inline(always)]
+fn closest_in_block<S: Simd>(
+    simd: S,
+    shear: &Shear<S>,
+    blocks: &[Block],
+    block: usize,
+    t_max: &mut f32,
+    best: &mut Option<Candidate>,
+) {
+    let (t, mut bits) = shear.test(&blocks[block], f32x8::splat(simd, *t_max));
+    if bits == 0 {
+        return;
+    }
+    let t = t.to_array();
+    while bits != 0 {
+        let lane = (bits.trailing_zeros() & 7) as usize;
+        bits &= bits - 1;
+        if t[lane] < *t_max {
+            *t_max = t[lane];
+            *best = Some(Candidate { t: t[lane], block, lane });
+        }
+    }
+}
+
+/// Whether any triangle has `t_min < t < t_max`.
+#[inline(always)]
+pub(super) fn any<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    let nodes = &bvh.tree.nodes[..];
+    if nodes.is_empty() {
+        return false;
+    }
+    let slab = Slab::new(simd, ray, bvh.tree.extent);
+    let shear = Shear::new(simd, ray);
+    let limit = f32x8::splat(simd, t_max);
+    let mark = stack.mark();
+    let mut current = Child::inner(0);
+    loop {
+        if current.is_leaf() {
+            let (first, end) = current.block_range();
+            for block in first..end {
+                if shear.test(&bvh.blocks[block], limit).1 != 0 {
+                    stack.cut(mark);
+                    return true;
+                }
+            }
+        } else {
+            let node = &nodes[current.0 as usize];
+            let (enter, bits) = slab.test(node, limit);
+            if bits & bits.wrapping_sub(1) != 0 {
+                current = stack.push_sorted(&enter.to_array(), &node.child, bits);
+                continue;
+            }
+            if bits != 0 {
+                current = node.child[(bits.trailing_zeros() & 7) as usize];
+                continue;
+            }
+        }
+        match stack.pop(mark, t_max) {
+            Some(next) => current = next,
+            None => return false,
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Ray against the 8 boxes of a node, conservative under rounding.
+use fearless_simd::{f32x8, prelude::*};
+
+use super::local::LocalRay;
+use crate::layout::Node;
+
+/// Directions this much smaller than the largest component count as this large: 1/d stays finite, and over the
+/// length of any scene the ray moves by less than the boxes are padded.
+const SMALLEST_COMPONENT: f32 = 1.0e-15;
+/// Relative widening of the far distance, above 3 roundings of each side [Ize 2013, "Robust BVH ray traversal"].
+const FAR_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
+/// Padding of a plane in units of the largest coordinate involved, on any axis: covers the rounding of `o/d`, of
+/// the products, and of the shear in the triangle test, none of which shrinks with the distance to the plane.
+const PLANE_SLACK: f32 = 3.0 * f32::EPSILON;
+
+/// A ray set up for box tests: distance to a plane = `plane / d − o / d`, one fused operation.
+#[derive(Clone, Copy)]
+pub(super) struct Slab<S: Simd> {
+    inverse: [f32x8<S>; 3],
+    near_shift: [f32x8<S>; 3],
+    far_shift: [f32x8<S>; 3],
+    /// Which row of the node's bounds is the near plane; the far one is 3 away.
+    near: [usize; 3],
+    t_min: f32x8<S>,
+}
+
+impl<S: Simd> Slab<S> {
+    /// `extent` is the largest coordinate magnitude per axis in the tree.
+    #[inline(always)]
+    pub(super) fn new(simd: S, ray: &LocalRay, extent: [f32; 3]) -> Self {
+        let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+        let reach = ray.origin.abs().max_element().max(extent[0]).max(extent[1]).max(extent[2]);
+        let smallest = ray.direction.abs().max_element() * SMALLEST_COMPONENT;
+        let zero = f32x8::splat(simd, 0.0);
+        let (mut inverse, mut near_shift, mut far_shift) = ([zero; 3], [zero; 3], [zero; 3]);
+        let mut near = [0; 3];
+        for k in 0..3 {
+            let inv = 1.0 / d[k].abs().max(smallest).copysign(d[k]);
+            let pad = inv.abs() * reach * PLANE_SLACK;
+            inverse[k] = f32x8::splat(simd, inv);
+            near_shift[k] = f32x8::splat(simd, o[k] * inv + pad);
+            far_shift[k] = f32x8::splat(simd, o[k] * inv - pad);
+            near[k] = if inv < 0.0 { k + 3 } else { k };
+        }
+        Self { inverse, near_shift, far_shift, near, t_min: f32x8::splat(simd, ray.t_min) }
+    }
+
+    /// Entry distances, and a bit for each child that the ray meets before `t_max`.
+    #[inline(always)]
+    pub(super) fn test(&self, node: &Node, t_max: f32x8<S>) -> (f32x8<S>, u32) {
+        let simd = self.t_min.token();
+        let [x, y, z] = self.near;
+        let (fx, fy, fz) = ((x + 3) % 6, (y + 3) % 6, (z + 3) % 6);
+        let near_x = plane(simd, &node.bounds[x], self.inverse[0], self.near_shift[0]);
+        let near_y = plane(simd, &node.bounds[y], self.inverse[1], self.near_shift[1]);
+        let near_z = plane(simd, &node.bounds[z], self.inverse[2], self.near_shift[2]);
+        let far_x = plane(simd, &node.bounds[fx], self.inverse[0], self.far_shift[0]);
+        let far_y = plane(simd, &node.bounds[fy], self.inverse[1], self.far_shift[1]);
+        let far_z = plane(simd, &node.bounds[fz], self.inverse[2], self.far_shift[2]);
+        let enter = near_x.max(near_y).max(near_z.max(self.t_min));
+        let leave = (far_x.min(far_y).min(far_z) * FAR_SLACK).min(t_max);
+        (enter, enter.simd_le(leave).to_bitmask() as u32)
+    }
+}
+
+#[inline(always)]
+fn plane<S: Simd>(simd: S, planes: &[f32; 8], inverse: f32x8<S>, shift: f32x8<S>) -> f32x8<S> {
+    f32x8::load_array_ref(simd, planes).mul_sub(inverse, shift)
+}

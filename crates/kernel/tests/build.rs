@@ -1,0 +1,90 @@
+//! Trees: determinism, completeness, limits and messages; instruction sets by name.
+mod common;
+use common::{Rng, soup};
+use heliostat_kernel::{BuildError, BuildOptions, Isa, IsaError, Mesh, TriangleBvh, World, glam::Vec3};
+
+fn build(meshes: &[Mesh]) -> TriangleBvh {
+    TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes")
+}
+
+#[test]
+fn same_bits_for_any_number_of_threads() {
+    let mut rng = Rng::new(41);
+    // Above the sizes from which tasks and binning run in parallel.
+    let meshes = [soup(&mut rng, 90_000, 10.0, 0.1, Vec3::ZERO), soup(&mut rng, 5_000, 3.0, 1.0, Vec3::X)];
+    let prints: Vec<u64> = [1, 2, 4]
+        .into_iter()
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+            pool.install(|| build(&meshes).fingerprint())
+        })
+        .collect();
+    assert_eq!(prints[0], prints[1]);
+    assert_eq!(prints[0], prints[2]);
+}
+
+#[test]
+fn every_good_triangle_is_in_the_tree() {
+    let mut rng = Rng::new(42);
+    for count in [1, 2, 7, 8, 9, 16, 17, 1000, 9001] {
+        let mesh = soup(&mut rng, count, 1.0, 0.1, Vec3::ZERO);
+        let tree = build(std::slice::from_ref(&mesh));
+        let stats = tree.stats();
+        assert_eq!(stats.triangles, count);
+        assert!(stats.nodes >= 1 && stats.leaves >= 1 && stats.bytes >= 256 + 320 && stats.sah > 0.0);
+        for p in mesh.positions.iter() {
+            assert!(tree.bounds().contains(*p));
+        }
+    }
+}
+
+#[test]
+fn a_tree_over_nothing_is_empty() {
+    let tree = build(&[]);
+    assert!(tree.bounds().is_empty());
+    assert_eq!((tree.stats().triangles, tree.stats().nodes), (0, 0));
+}
+
+#[test]
+fn hopeless_input_still_ends() {
+    // Equal centres, extreme spreads and exponentially shrinking steps: no split helps, depth stays bounded.
+    let mut positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mut indices = vec![[0, 1, 2]; 5000];
+    let mut size = 1.0e9_f32;
+    for _ in 0..200 {
+        let n = positions.len() as u32;
+        positions.extend([Vec3::splat(size), Vec3::splat(size) + Vec3::X * size, Vec3::Y * size]);
+        indices.push([n, n + 1, n + 2]);
+        size *= 0.7;
+    }
+    let tree = build(&[Mesh::new(positions, indices)]);
+    assert!(tree.stats().triangles > 5000);
+}
+
+#[test]
+fn bad_indices_are_errors_that_name_the_place() {
+    let good = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]);
+    let bad = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2], [0, 7, 2], [9, 9, 9]]);
+    let error = TriangleBvh::build(&[good, bad], &BuildOptions::default()).unwrap_err();
+    assert_eq!(error, BuildError::IndexOutOfRange { mesh: 1, triangle: 1, index: 7, vertices: 3 });
+    let message = error.to_string();
+    for part in ["mesh 1", "triangle 1", "index 7", "3 vertices"] {
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn instruction_sets_are_chosen_by_name() {
+    let available = Isa::available();
+    assert!(available.contains(&Isa::Scalar));
+    assert_eq!(available.first(), Some(&Isa::best()));
+    for isa in Isa::ALL {
+        assert_eq!(isa.name().parse(), Ok(isa));
+        let world = World::with_isa(World::empty().root().clone(), isa);
+        assert_eq!(world.is_ok(), available.contains(&isa));
+        if let Err(error) = world {
+            assert!(error.to_string().contains(isa.name()), "{error}");
+        }
+    }
+    assert_eq!("avx9".parse::<Isa>(), Err(IsaError::Unknown { name: "avx9".into() }));
+}

@@ -1,0 +1,174 @@
+//! Closed meshes hold every ray that starts inside, aimed exactly at edges and vertices: zero leaks.
+mod common;
+use std::sync::Arc;
+
+use common::{Rng, object};
+use heliostat_kernel::{
+    Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
+    glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
+};
+
+/// A sphere of latitude bands with irregular radii, so that no two edges line up; closed, poles are single vertices.
+fn bumpy_sphere(rng: &mut Rng, bands: u32, sides: u32, radius: f32, center: Vec3) -> Mesh {
+    let mut positions = vec![center + Vec3::Y * radius];
+    for band in 1..bands {
+        for side in 0..sides {
+            let theta = std::f32::consts::PI * band as f32 / bands as f32;
+            let phi = std::f32::consts::TAU * side as f32 / sides as f32;
+            let r = radius * (1.0 + 0.1 * rng.unit());
+            let p = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            positions.push(center + p * r);
+        }
+    }
+    positions.push(center - Vec3::Y * radius);
+    let last = positions.len() as u32 - 1;
+    let at = |band: u32, side: u32| 1 + (band - 1) * sides + side % sides;
+    let mut indices = Vec::new();
+    for side in 0..sides {
+        indices.push([0, at(1, side), at(1, side + 1)]);
+        indices.push([last, at(bands - 1, side + 1), at(bands - 1, side)]);
+        for band in 1..bands - 1 {
+            let (a, b) = (at(band, side), at(band, side + 1));
+            let (c, d) = (at(band + 1, side), at(band + 1, side + 1));
+            indices.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    Mesh::new(positions, indices)
+}
+
+/// A box whose faces are grids: all triangles of a face are coplanar and face planes are axis-aligned.
+fn tessellated_box(cells: u32, half: f32, center: Vec3) -> Mesh {
+    let mut positions = Vec::new();
+    let mut indices = Vec::new();
+    for face in 0..6_usize {
+        let axis = face / 2;
+        let start = positions.len() as u32;
+        for j in 0..=cells {
+            for i in 0..=cells {
+                let along = |k: u32| half * (2.0 * k as f32 / cells as f32 - 1.0);
+                let mut p = [0.0; 3];
+                p[axis] = if face % 2 == 0 { -half } else { half };
+                p[(axis + 1) % 3] = along(i);
+                p[(axis + 2) % 3] = along(j);
+                positions.push(center + Vec3::from_array(p));
+            }
+        }
+        for j in 0..cells {
+            for i in 0..cells {
+                let a = start + j * (cells + 1) + i;
+                let (b, c, d) = (a + 1, a + cells + 1, a + cells + 2);
+                indices.extend([[a, b, d], [a, d, c]]);
+            }
+        }
+    }
+    Mesh::new(positions, indices)
+}
+
+/// Points on the surface where leaks would be: vertices, edge midpoints, and odd points of edges.
+fn seams(rng: &mut Rng, mesh: &Mesh) -> Vec<Vec3> {
+    let mut points = mesh.positions.to_vec();
+    for triangle in mesh.indices.iter() {
+        for k in 0..3 {
+            let a = mesh.positions[triangle[k] as usize];
+            let b = mesh.positions[triangle[(k + 1) % 3] as usize];
+            points.push((a + b) * 0.5);
+            points.push(a + (b - a) * rng.unit());
+        }
+    }
+    points
+}
+
+fn assert_no_leak(root: &Arc<Object>, origins: &[Vec3], targets: &[Vec3]) {
+    for isa in Isa::available() {
+        let world = World::with_isa(root.clone(), isa).expect("available");
+        for &origin in origins {
+            let rays: Vec<Ray> = targets.iter().map(|&p| Ray::new(origin, p - origin)).collect();
+            let (mut hits, mut occluded) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+            world.intersect(&rays, &mut hits);
+            world.occluded(&rays, &mut occluded);
+            for (i, ray) in rays.iter().enumerate() {
+                assert!(hits[i].is_hit(), "{isa}: batch ray leaks: {ray:?}");
+                assert!(occluded[i], "{isa}: batch shadow ray leaks: {ray:?}");
+            }
+            let mut tile = Tile::new(origin);
+            for chunk in targets.chunks(Tile::CAPACITY) {
+                tile.clear();
+                for &p in chunk {
+                    tile.push(p - origin, f32::INFINITY);
+                }
+                let (mut hits, mut occluded) = (vec![Hit::MISS; chunk.len()], vec![false; chunk.len()]);
+                world.intersect_tile(&tile, &mut hits);
+                world.occluded_tile(&tile, &mut occluded);
+                for i in 0..chunk.len() {
+                    assert!(hits[i].is_hit(), "{isa}: tile ray leaks: {:?}", tile.ray(i));
+                    assert!(occluded[i], "{isa}: tile shadow ray leaks: {:?}", tile.ray(i));
+                }
+            }
+        }
+    }
+}
+
+fn inner_points(rng: &mut Rng, count: usize, radius: f32, center: Vec3) -> Vec<Vec3> {
+    (0..count).map(|i| if i == 0 { center } else { center + rng.vec() * radius * 0.5 }).collect()
+}
+
+#[test]
+fn spheres_hold_rays_at_their_seams() {
+    let mut rng = Rng::new(21);
+    for (radius, center) in
+        [(1.0, Vec3::ZERO), (1.0e-4, Vec3::splat(0.3)), (2.0e4, Vec3::new(1e4, -3e3, 77.0))]
+    {
+        let mesh = bumpy_sphere(&mut rng, 24, 31, radius, center);
+        let targets = seams(&mut rng, &mesh);
+        let origins = inner_points(&mut rng, 6, radius, center);
+        assert_no_leak(&object(&[mesh]), &origins, &targets);
+    }
+}
+
+#[test]
+fn coarse_and_fine_solids_hold_rays() {
+    let mut rng = Rng::new(22);
+    for (bands, sides) in [(2, 3), (3, 4), (80, 90)] {
+        let mesh = bumpy_sphere(&mut rng, bands, sides, 3.0, Vec3::new(5.0, 6.0, -7.0));
+        let mut targets = seams(&mut rng, &mesh);
+        if targets.len() > 20_000 {
+            targets = (0..20_000).map(|_| targets[rng.below(targets.len())]).collect();
+        }
+        let origins = inner_points(&mut rng, 2, 1.0, Vec3::new(5.0, 6.0, -7.0));
+        assert_no_leak(&object(&[mesh]), &origins, &targets);
+    }
+}
+
+#[test]
+fn boxes_hold_rays_along_their_axes_and_seams() {
+    let mut rng = Rng::new(23);
+    for (cells, half, center) in
+        [(1, 1.0, Vec3::ZERO), (10, 1.0, Vec3::ZERO), (7, 0.3, Vec3::new(100.0, 2.0, -9.0))]
+    {
+        let mesh = tessellated_box(cells, half, center);
+        let targets = seams(&mut rng, &mesh);
+        let mut origins = inner_points(&mut rng, 4, half, center);
+        // On the grid lines themselves: rays run exactly along edges' planes and axes.
+        let step = 2.0 * half / cells as f32;
+        origins.push(center + Vec3::new(0.0, step * (cells / 4) as f32, 0.0));
+        assert_no_leak(&object(&[mesh]), &origins, &targets);
+    }
+}
+
+#[test]
+fn placed_solids_hold_rays() {
+    let mut rng = Rng::new(24);
+    let mesh = bumpy_sphere(&mut rng, 16, 19, 1.0, Vec3::ZERO);
+    let inner = object(std::slice::from_ref(&mesh));
+    let shear =
+        Mat3A::from_cols(Vec3A::new(2.0, 0.3, 0.0), Vec3A::new(-0.4, 0.7, 0.1), Vec3A::new(0.0, 0.2, -1.5));
+    let turn = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.7), Vec3::new(3.0, 4.0, 5.0));
+    let place = turn * Affine3A { matrix3: shear, translation: Vec3A::ZERO };
+    let root = Arc::new(
+        Object::new(None, vec![Instance { object: inner, parent_from_object: place, id: 9 }]).expect("valid"),
+    );
+    let targets: Vec<Vec3> = seams(&mut rng, &mesh).into_iter().map(|p| place.transform_point3(p)).collect();
+    let origins: Vec<Vec3> =
+        inner_points(&mut rng, 4, 1.0, Vec3::ZERO).into_iter().map(|p| place.transform_point3(p)).collect();
+    assert_no_leak(&root, &origins, &targets);
+}

@@ -1,0 +1,263 @@
+//! All light sources of a scene, and how they are sampled.
+
+use std::collections::HashMap;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use heliostat_scene::{Light, LightKind, SceneBounds};
+
+use crate::color::luminance;
+use crate::environment::EnvironmentLight;
+use crate::material::SurfaceMaterial;
+use crate::sampling::{Discrete, uniform_triangle};
+use crate::surface::{Corners, Placement, ShadedPart};
+
+/// Every light of a scene: points, spots, directions, emissive parts of placements, the environment.
+#[derive(Clone, Debug)]
+pub struct Lights {
+    emitters: Vec<Emitter>,
+    /// Chooses emitters half by power, half evenly.
+    choice: Discrete,
+    /// Emissive parts by placement and part.
+    areas: HashMap<(u32, u32), u32>,
+    environment: Arc<EnvironmentLight>,
+    environment_index: Option<u32>,
+}
+
+#[derive(Clone, Debug)]
+enum Emitter {
+    Light(LightKind),
+    Area(AreaEmitter),
+    Environment,
+}
+
+/// One emissive part of a placement; triangles are chosen in proportion to area times mean emission.
+#[derive(Clone, Debug)]
+struct AreaEmitter {
+    placement: u32,
+    part: u32,
+    triangles: Arc<Discrete>,
+}
+
+/// Light arriving at a point from a sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Unit vector towards the light.
+    pub wi: Vec3,
+    /// Distance to the light, metres; infinite for far ones.
+    pub distance: f32,
+    /// Radiance divided by the density of this sample (without the choice of the emitter).
+    pub weight: Vec3,
+    /// Per steradian; 0 for lights without area, which scattering cannot hit.
+    pub pdf: f32,
+}
+
+/// What light sampling needs of the shader tables.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tables<'a> {
+    pub(crate) placements: &'a [Placement],
+    pub(crate) materials: &'a [SurfaceMaterial],
+}
+
+impl Tables<'_> {
+    fn part(&self, placement: u32, part: u32) -> (&Placement, &ShadedPart, &SurfaceMaterial) {
+        let placement = &self.placements[placement as usize];
+        let part = &placement.parts[part as usize];
+        (placement, part, &self.materials[part.material as usize])
+    }
+}
+
+impl Lights {
+    /// Collects all emitters. `bounds` sets the power of lights that are infinitely far away.
+    pub(crate) fn new<'a>(
+        tables: Tables<'_>,
+        lights: impl Iterator<Item = &'a Light>,
+        environment: Arc<EnvironmentLight>,
+        bounds: Option<SceneBounds>,
+    ) -> Self {
+        let cross_section = bounds.map_or(1.0, |b| PI * b.radius().powi(2)).max(1e-6);
+        let mut emitters = Vec::new();
+        let mut powers = Vec::new();
+        for light in lights {
+            powers.push(power(&light.kind, cross_section));
+            emitters.push(Emitter::Light(light.kind));
+        }
+        let mut areas = HashMap::new();
+        let mut shared = HashMap::new();
+        for (index, placement) in (0_u32..).zip(tables.placements) {
+            for (part_index, part) in (0_u32..).zip(placement.parts.iter()) {
+                let material = &tables.materials[part.material as usize];
+                if !material.source().is_emissive() {
+                    continue;
+                }
+                let key = (part.geometry, part.material);
+                let triangles =
+                    shared.entry(key).or_insert_with(|| Arc::new(triangle_weights(part, material)));
+                // The cube root of the volume scale, squared, stands for the scale of areas.
+                let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
+                let sides = if material.source().double_sided { 2.0 } else { 1.0 };
+                areas.insert((index, part_index), emitters.len() as u32);
+                powers.push(triangles.total() * area_scale * sides * PI);
+                let triangles = triangles.clone();
+                emitters.push(Emitter::Area(AreaEmitter { placement: index, part: part_index, triangles }));
+            }
+        }
+        let environment_power = luminance(environment.mean()) * 4.0 * PI * cross_section;
+        let environment_index = (environment_power > 0.0).then(|| {
+            powers.push(environment_power);
+            emitters.push(Emitter::Environment);
+            emitters.len() as u32 - 1
+        });
+        let total: f32 = powers.iter().filter(|p| p.is_finite()).sum();
+        let even = total.max(f32::MIN_POSITIVE) / powers.len().max(1) as f32;
+        let choice = Discrete::new(powers.iter().map(|&p| if p > 0.0 { p + even } else { 0.0 }));
+        Self { emitters, choice, areas, environment, environment_index }
+    }
+
+    /// Number of emitters.
+    pub fn len(&self) -> usize {
+        self.emitters.len()
+    }
+
+    /// Whether there is no light.
+    pub fn is_empty(&self) -> bool {
+        self.emitters.is_empty()
+    }
+
+    /// Chooses an emitter: its index, its probability, and `u` rescaled.
+    pub fn choose(&self, u: f32) -> Option<(usize, f32, f32)> {
+        self.choice.sample(u).filter(|&(_, probability, _)| probability > 0.0)
+    }
+
+    /// Radiance of the environment from a direction.
+    pub fn environment(&self, direction: Vec3) -> Vec3 {
+        self.environment.radiance(direction)
+    }
+
+    /// Density with which `choose` and `sample` find the environment in a direction.
+    pub fn environment_pdf(&self, direction: Vec3) -> f32 {
+        let Some(index) = self.environment_index else { return 0.0 };
+        self.choice.probability(index as usize) * self.environment.pdf(direction)
+    }
+
+    /// Density of [`Self::sample`] of the environment alone, for renderers that visit every emitter.
+    pub fn environment_only_pdf(&self, direction: Vec3) -> f32 {
+        if self.environment_index.is_some() { self.environment.pdf(direction) } else { 0.0 }
+    }
+
+    /// Probability of choosing the emitter that is this part of a placement, if it is one, and its index.
+    pub(crate) fn area(&self, placement: u32, part: u32) -> Option<(usize, f32)> {
+        let index = *self.areas.get(&(placement, part))? as usize;
+        Some((index, self.choice.probability(index)))
+    }
+
+    /// Probability of a triangle within the emitter.
+    pub(crate) fn triangle_probability(&self, emitter: usize, primitive: u32) -> f32 {
+        match &self.emitters[emitter] {
+            Emitter::Area(area) => area.triangles.probability(primitive as usize),
+            _ => 0.0,
+        }
+    }
+
+    /// Samples light from one emitter at `position`. `None` when nothing arrives.
+    pub(crate) fn sample(
+        &self,
+        tables: Tables<'_>,
+        emitter: usize,
+        position: Vec3,
+        u: Vec2,
+        u_triangle: f32,
+    ) -> Option<LightSample> {
+        match &self.emitters[emitter] {
+            Emitter::Light(kind) => sample_light(kind, position),
+            Emitter::Area(area) => area.sample(tables, position, u, u_triangle),
+            Emitter::Environment => {
+                let (wi, radiance, pdf) = self.environment.sample(u)?;
+                Some(LightSample { wi, distance: f32::INFINITY, weight: radiance / pdf, pdf })
+            }
+        }
+    }
+}
+
+impl AreaEmitter {
+    fn sample(&self, tables: Tables<'_>, position: Vec3, u: Vec2, u_triangle: f32) -> Option<LightSample> {
+        let (placement, part, material) = tables.part(self.placement, self.part);
+        let (primitive, probability, _) = self.triangles.sample(u_triangle)?;
+        let uv = uniform_triangle(u);
+        let corners = Corners::new(&part.mesh, primitive as u32, uv);
+        let (point, error) = corners.point(&placement.world_from_object);
+        let [a, b, c] = corners.world(&placement.world_from_object);
+        let cross = (b - a).cross(c - a);
+        // A mirroring transform turns the winding but not the front.
+        let mirrored = placement.world_from_object.matrix3.determinant() < 0.0;
+        let normal = (if mirrored { -cross } else { cross }).try_normalize()?;
+        let area = 0.5 * cross.length();
+        let to_light = point - position;
+        let distance2 = to_light.length_squared();
+        let wi = to_light.try_normalize()?;
+        let cos = -normal.dot(wi);
+        let radiance = material.emission(&corners.coordinates(2.0 * area, 0.0), cos > 0.0);
+        let pdf = probability * distance2 / (area * cos.abs());
+        let usable = radiance != Vec3::ZERO && pdf > 0.0 && pdf.is_finite();
+        // The shadow ray stops just before the light.
+        let distance = (distance2.sqrt() * (1.0 - 1e-4) - error).max(0.0);
+        usable.then(|| LightSample { wi, distance, weight: radiance / pdf, pdf })
+    }
+}
+
+/// Area times luminance of the emission at each triangle, object space, with a floor so that every one is found.
+fn triangle_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
+    let floor = 0.05 * luminance(material.mean_emission());
+    Discrete::new((0..part.mesh.indices.len() as u32).map(|primitive| {
+        let corners = Corners::new(&part.mesh, primitive, Vec2::splat(1.0 / 3.0));
+        let [a, b, c] = corners.positions();
+        let area = 0.5 * (b - a).cross(c - a).length();
+        let at = corners.coordinates((2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
+        area * (luminance(material.emission(&at, true)) + floor)
+    }))
+}
+
+fn power(kind: &LightKind, cross_section: f32) -> f32 {
+    match *kind {
+        LightKind::Point { intensity, .. } => luminance(intensity) * 4.0 * PI,
+        LightKind::Spot { intensity, inner_angle, outer_angle, .. } => {
+            luminance(intensity) * 2.0 * PI * (1.0 - (0.5 * (inner_angle + outer_angle)).cos()).max(1e-4)
+        }
+        LightKind::Directional { irradiance, .. } => luminance(irradiance) * cross_section,
+    }
+}
+
+fn sample_light(kind: &LightKind, position: Vec3) -> Option<LightSample> {
+    let from_point = |light: Vec3, intensity: Vec3, range: f32| {
+        let to_light = light - position;
+        let wi = to_light.try_normalize()?;
+        let distance = to_light.length();
+        let weight = intensity * (range_window(distance, range) / (distance * distance));
+        Some(LightSample { wi, distance: distance * (1.0 - 1e-5), weight, pdf: 0.0 })
+    };
+    let sample = match *kind {
+        LightKind::Point { position, intensity, range } => from_point(position, intensity, range)?,
+        LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, range } => {
+            let mut sample = from_point(position, intensity, range)?;
+            let cos = -sample.wi.dot(direction.normalize_or_zero());
+            let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
+            // KHR_lights_punctual, "Inner and Outer Cone Angles".
+            let fade = ((cos - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
+            sample.weight *= fade * fade;
+            sample
+        }
+        LightKind::Directional { direction, irradiance } => LightSample {
+            wi: -direction.try_normalize()?,
+            distance: f32::INFINITY,
+            weight: irradiance,
+            pdf: 0.0,
+        },
+    };
+    (sample.weight.is_finite() && sample.weight.max_element() > 0.0).then_some(sample)
+}
+
+/// The recommended fade of KHR_lights_punctual, without the inverse square.
+fn range_window(distance: f32, range: f32) -> f32 {
+    if range.is_infinite() { 1.0 } else { (1.0 - (distance / range).powi(4)).clamp(0.0, 1.0) }
+}

@@ -1,0 +1,234 @@
+//! The classical ray tracer: shadows from all lights, mirrors and glass, iteratively.
+//!
+//! Every ray carries its pixel and weight, so there is no recursion: a surface adds what it can see of the lights and
+//! sends on at most one reflected, one refracted and one straight-on ray. Glossy lobes send their ray in a random
+//! direction of the lobe; rough ones and diffuse ones see lights alone.
+//!
+//! # References
+//! Whitted, "An Improved Illumination Model for Shaded Display", 1980. Cook, Porter, Carpenter, "Distributed Ray
+//! Tracing", 1984. Hall, Greenberg, "A Testbed for Realistic Image Synthesis", 1983 (adaptive depth).
+
+use glam::{Vec2, Vec3};
+use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_shading::{Cone, Lobes, Sampler, Surface};
+
+use crate::region::{CameraSample, PixelSum, Region, Settings, View, camera_samples, power_heuristic};
+use crate::shadow::{PendingLight, ShadowBatch};
+
+/// Edges when the request does not say.
+const DEFAULT_MAX_EDGES: u32 = 12;
+/// Rays of less weight are dropped.
+const LEAST_WEIGHT: f32 = 1.0 / 512.0;
+/// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
+const MIRROR_ALPHA: f32 = 0.25;
+/// Rays of one region in flight; beyond it the least deep tree is cut, so that memory stays bounded.
+const MAX_RAYS: usize = 1 << 16;
+
+const REFLECTING: Lobes = Lobes::SPECULAR.union(Lobes::COAT).union(Lobes::GLASS_REFLECT);
+const TRANSMITTING: Lobes = Lobes::GLASS_TRANSMIT.union(Lobes::THIN_TRANSMIT);
+
+/// A ray with its place in the tree.
+#[derive(Clone, Copy, Debug)]
+struct WeightedRay {
+    pixel: u32,
+    sampler: Sampler,
+    ray: Ray,
+    cone: Cone,
+    weight: Vec3,
+    edges: u32,
+    /// Density with which a lobe chose the direction; 0 if no light sample could have.
+    scatter_pdf: f32,
+    passed_distance: f32,
+    /// Which branch of the tree this is: decorrelates the random numbers of siblings.
+    branch: u32,
+}
+
+impl WeightedRay {
+    fn new(sample: &CameraSample) -> Self {
+        Self {
+            pixel: sample.pixel,
+            sampler: sample.sampler,
+            ray: sample.ray,
+            cone: sample.cone,
+            weight: Vec3::ONE,
+            edges: 0,
+            scatter_pdf: 0.0,
+            passed_distance: 0.0,
+            branch: 1,
+        }
+    }
+
+    /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
+    fn points(&self, slot: u32) -> [f32; 4] {
+        let trunk = self.branch == 1;
+        self.sampler.set(if trunk {
+            1 + slot
+        } else {
+            0x1_0000 + (self.branch << 12) + (self.edges << 6) + slot
+        })
+    }
+}
+
+/// See [`Integrator::render`](crate::Integrator::render).
+pub(crate) fn render<Q: RayQuery + ?Sized>(
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sums: &mut [PixelSum],
+) -> u64 {
+    let mut tracer = Tracer {
+        view,
+        max_edges: settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES),
+        ambient: settings.ambient,
+        first_sample: true,
+        shadows: ShadowBatch::default(),
+        next: Vec::new(),
+        rays: 0,
+    };
+    for sample in 0..settings.samples {
+        tracer.first_sample = sample == 0;
+        let (camera, mut hits) = camera_samples(view, settings, region, sample);
+        tracer.rays += camera.len() as u64;
+        let mut current: Vec<WeightedRay> = camera.iter().map(WeightedRay::new).collect();
+        while !current.is_empty() {
+            tracer.step(&current, &hits, sums);
+            std::mem::swap(&mut current, &mut tracer.next);
+            tracer.next.clear();
+            let rays: Vec<Ray> = current.iter().map(|r| r.ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            view.query.intersect(&rays, &mut hits);
+            tracer.rays += rays.len() as u64;
+        }
+    }
+    tracer.rays
+}
+
+struct Tracer<'a, Q: ?Sized> {
+    view: &'a View<'a, Q>,
+    max_edges: u32,
+    ambient: Vec3,
+    first_sample: bool,
+    shadows: ShadowBatch,
+    next: Vec<WeightedRay>,
+    rays: u64,
+}
+
+impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
+    fn step(&mut self, rays: &[WeightedRay], hits: &[Hit], sums: &mut [PixelSum]) {
+        for (ray, hit) in rays.iter().zip(hits) {
+            let sum = &mut sums[ray.pixel as usize];
+            match hit.is_hit() {
+                true => self.at_surface(ray, hit, sum),
+                false => sum.add_radiance(ray.weight * self.environment(ray)),
+            }
+        }
+        self.rays += self.shadows.trace(self.view.query, self.view.scene, |light| {
+            sums[light.pixel as usize].add_radiance(light.radiance);
+        });
+    }
+
+    fn environment(&self, ray: &WeightedRay) -> Vec3 {
+        let lights = self.view.scene.lights();
+        let radiance = lights.environment(ray.ray.direction);
+        match ray.scatter_pdf == 0.0 {
+            true => radiance,
+            false => {
+                radiance * power_heuristic(ray.scatter_pdf, lights.environment_only_pdf(ray.ray.direction))
+            }
+        }
+    }
+
+    fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum) {
+        let scene = self.view.scene;
+        let cone = ray.cone.advanced(hit.t);
+        let surface = scene.surface(hit, ray.ray.direction, cone);
+        let mut ray = WeightedRay { cone, weight: ray.weight * (-surface.absorption * hit.t).exp(), ..*ray };
+        if surface.through != Vec3::ZERO {
+            let onward = Ray { origin: surface.spawn(ray.ray.direction), ..ray.ray };
+            let passed_distance = ray.passed_distance + hit.t;
+            let weight = ray.weight * surface.through;
+            self.send(WeightedRay { ray: onward, weight, passed_distance, edges: ray.edges + 1, ..ray });
+            ray.weight *= surface.coverage;
+        }
+        if ray.edges == 0 {
+            sum.add_first_hit(scene, hit, &surface, hit.t, self.first_sample);
+        }
+        let emission = surface.emission * self.emission_weight(&ray, hit);
+        sum.add_radiance(ray.weight * (emission + self.ambient * surface.albedo));
+        ray.edges += 1;
+        if ray.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
+            return;
+        }
+        let mirrors = surface.bsdf.sharper_than(MIRROR_ALPHA);
+        self.sample_lights(&ray, &surface, mirrors);
+        self.reflect(&ray, &surface, mirrors);
+    }
+
+    /// Weight of emission found by a glossy lobe against the samples that every light got.
+    fn emission_weight(&self, ray: &WeightedRay, hit: &Hit) -> f32 {
+        if ray.scatter_pdf == 0.0 {
+            return 1.0;
+        }
+        let distance = ray.passed_distance + hit.t;
+        match self.view.scene.emitter_pdf(hit, ray.ray.direction, distance) {
+            Some(pdf) => power_heuristic(ray.scatter_pdf, pdf.solid_angle),
+            None => 1.0,
+        }
+    }
+
+    /// A shadow ray to a point of every light. Lobes that send rays of their own share the work with them.
+    fn sample_lights(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
+        let scene = self.view.scene;
+        let groups = [mirrors.intersection(REFLECTING), mirrors.intersection(TRANSMITTING)];
+        for emitter in 0..scene.lights().len() {
+            let [u, v, u_triangle, _] = ray.points(2 + emitter as u32);
+            let Some(light) = scene.sample_light(emitter, surface.position, Vec2::new(u, v), u_triangle)
+            else {
+                continue;
+            };
+            let mut f_cos = surface.bsdf.evaluate(light.wi, Lobes::ALL.without(mirrors)).f_cos;
+            for lobes in groups {
+                let value = surface.bsdf.evaluate(light.wi, lobes);
+                f_cos += match light.pdf == 0.0 {
+                    true => value.f_cos,
+                    false => value.f_cos * power_heuristic(light.pdf, value.pdf),
+                };
+            }
+            let radiance = ray.weight * f_cos * light.weight;
+            if radiance != Vec3::ZERO {
+                let pending = PendingLight { pixel: ray.pixel, radiance };
+                self.shadows.push(surface.spawn(light.wi), light.wi, light.distance, pending);
+            }
+        }
+    }
+
+    /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
+    fn reflect(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
+        for (side, group) in [REFLECTING, TRANSMITTING].into_iter().enumerate() {
+            let lobes = mirrors.intersection(group);
+            if lobes.is_empty() {
+                continue;
+            }
+            let [u, v, u_lobe, _] = ray.points(side as u32);
+            let Some(sample) = surface.bsdf.sample(u_lobe, Vec2::new(u, v), lobes) else { continue };
+            self.send(WeightedRay {
+                ray: Ray::new(surface.spawn(sample.wi), sample.wi),
+                cone: Cone { spread: ray.cone.spread + 0.5 * sample.alpha, ..ray.cone },
+                weight: ray.weight * sample.weight,
+                scatter_pdf: sample.pdf,
+                passed_distance: 0.0,
+                branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
+                ..*ray
+            });
+        }
+    }
+
+    /// Sends a ray on unless it is too deep or too light to matter.
+    fn send(&mut self, ray: WeightedRay) {
+        let matters = ray.weight.is_finite() && ray.weight.max_element() >= LEAST_WEIGHT;
+        if matters && ray.edges < self.max_edges && self.next.len() < MAX_RAYS {
+            self.next.push(ray);
+        }
+    }
+}

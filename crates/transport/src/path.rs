@@ -1,0 +1,210 @@
+//! The unbiased reference: unidirectional path tracing with next-event estimation.
+//!
+//! # References
+//! Kajiya, "The Rendering Equation", 1986. Veach 1997, chapters 9 (multiple importance sampling) and 10.2 (Russian
+//! roulette).
+
+use glam::{Vec2, Vec3};
+use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_shading::{Cone, Lobes, Sampler, Surface};
+
+use crate::region::{CameraSample, PixelSum, Region, Settings, View, camera_samples, power_heuristic};
+use crate::shadow::{PendingLight, ShadowBatch};
+
+/// Edges after which paths may be ended by Russian roulette.
+const ROULETTE_FROM: u32 = 4;
+/// Surfaces that a path may pass straight through in all; scenes with more nested sheets lose what is behind.
+const MAX_PASSED: u32 = 256;
+
+/// A path on its way: the ray that extends it and what its end is worth.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    pixel: u32,
+    sampler: Sampler,
+    ray: Ray,
+    cone: Cone,
+    /// β of the literature: contribution of a unit of radiance at the end of the ray.
+    throughput: Vec3,
+    /// β without the η² of refraction, on which roulette decides.
+    roulette_scale: f32,
+    /// Edges before this ray.
+    edges: u32,
+    /// Density with which scattering chose the ray's direction; 0 if no light sample could have.
+    scatter_pdf: f32,
+    /// Distance covered since the last scattering, through surfaces that let the path pass.
+    passed_distance: f32,
+    passed: u32,
+}
+
+impl Path {
+    fn new(sample: &CameraSample) -> Self {
+        Self {
+            pixel: sample.pixel,
+            sampler: sample.sampler,
+            ray: sample.ray,
+            cone: sample.cone,
+            throughput: Vec3::ONE,
+            roulette_scale: 1.0,
+            edges: 0,
+            scatter_pdf: 0.0,
+            passed_distance: 0.0,
+            passed: 0,
+        }
+    }
+}
+
+/// See [`Integrator::render`](crate::Integrator::render).
+pub(crate) fn render<Q: RayQuery + ?Sized>(
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sums: &mut [PixelSum],
+) -> u64 {
+    let max_edges = settings.max_depth.unwrap_or(u32::MAX);
+    let mut tracer = Tracer { view, max_edges, first_sample: true, shadows: ShadowBatch::default(), rays: 0 };
+    for sample in 0..settings.samples {
+        tracer.first_sample = sample == 0;
+        let (camera, mut hits) = camera_samples(view, settings, region, sample);
+        tracer.rays += camera.len() as u64;
+        let mut paths: Vec<Path> = camera.iter().map(Path::new).collect();
+        while !paths.is_empty() {
+            paths = tracer.step(paths, &hits, sums);
+            let rays: Vec<Ray> = paths.iter().map(|p| p.ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            view.query.intersect(&rays, &mut hits);
+            tracer.rays += rays.len() as u64;
+        }
+    }
+    tracer.rays
+}
+
+struct Tracer<'a, Q: ?Sized> {
+    view: &'a View<'a, Q>,
+    max_edges: u32,
+    first_sample: bool,
+    shadows: ShadowBatch,
+    rays: u64,
+}
+
+impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
+    /// Extends all paths by one edge; those that go on are returned.
+    fn step(&mut self, paths: Vec<Path>, hits: &[Hit], sums: &mut [PixelSum]) -> Vec<Path> {
+        let mut next = Vec::with_capacity(paths.len());
+        for (path, hit) in paths.into_iter().zip(hits) {
+            let sum = &mut sums[path.pixel as usize];
+            match hit.is_hit() {
+                true => next.extend(self.at_surface(path, hit, sum)),
+                false => sum.add_radiance(path.throughput * self.environment(&path)),
+            }
+        }
+        self.rays += self.shadows.trace(self.view.query, self.view.scene, |light| {
+            sums[light.pixel as usize].add_radiance(light.radiance);
+        });
+        next
+    }
+
+    /// Radiance of the environment at the end of an escaped path, weighted against light sampling.
+    fn environment(&self, path: &Path) -> Vec3 {
+        let lights = self.view.scene.lights();
+        let radiance = lights.environment(path.ray.direction);
+        if path.scatter_pdf == 0.0 || radiance == Vec3::ZERO {
+            return radiance;
+        }
+        radiance * power_heuristic(path.scatter_pdf, lights.environment_pdf(path.ray.direction))
+    }
+
+    /// One vertex of the path: emission, light sampling, scattering. Returns the path if it goes on.
+    fn at_surface(&mut self, mut path: Path, hit: &Hit, sum: &mut PixelSum) -> Option<Path> {
+        let scene = self.view.scene;
+        path.cone = path.cone.advanced(hit.t);
+        let surface = scene.surface(hit, path.ray.direction, path.cone);
+        // Beer's law over the way through the solid that ends here.
+        path.throughput *= (-surface.absorption * hit.t).exp();
+
+        // A share of the light meets the surface, the rest passes: choose one by chance.
+        let pass = surface.through.max_element().min(1.0);
+        if pass > 0.0 {
+            if path.sampler.random(path.passed) < pass {
+                return pass_through(path, &surface, hit, pass);
+            }
+            path.passed += 1;
+            path.throughput *= surface.coverage / (1.0 - pass);
+        }
+        if path.edges == 0 {
+            sum.add_first_hit(scene, hit, &surface, path.passed_distance + hit.t, self.first_sample);
+        }
+        if surface.emission != Vec3::ZERO {
+            sum.add_radiance(path.throughput * surface.emission * self.emission_weight(&path, hit));
+        }
+        path.edges += 1;
+        if path.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
+            return None;
+        }
+        self.sample_light(&path, &surface);
+        scatter(path, &surface)
+    }
+
+    /// Multiple importance sampling: weight of emission found by scattering.
+    fn emission_weight(&self, path: &Path, hit: &Hit) -> f32 {
+        if path.scatter_pdf == 0.0 {
+            return 1.0;
+        }
+        let distance = path.passed_distance + hit.t;
+        match self.view.scene.emitter_pdf(hit, path.ray.direction, distance) {
+            Some(pdf) => power_heuristic(path.scatter_pdf, pdf.choice * pdf.solid_angle),
+            None => 1.0,
+        }
+    }
+
+    /// Next-event estimation: one light, chosen by power, one point on it.
+    fn sample_light(&mut self, path: &Path, surface: &Surface) {
+        let scene = self.view.scene;
+        let [u_choice, u_triangle, u, v] = path.sampler.set(2 * path.edges);
+        let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
+        let Some(light) = scene.sample_light(emitter, surface.position, Vec2::new(u, v), u_triangle) else {
+            return;
+        };
+        let scattered = surface.bsdf.evaluate(light.wi, Lobes::ALL);
+        if scattered.f_cos == Vec3::ZERO {
+            return;
+        }
+        let weight =
+            if light.pdf == 0.0 { 1.0 } else { power_heuristic(probability * light.pdf, scattered.pdf) };
+        let radiance = path.throughput * scattered.f_cos * light.weight * (weight / probability);
+        let pending = PendingLight { pixel: path.pixel, radiance };
+        self.shadows.push(surface.spawn(light.wi), light.wi, light.distance, pending);
+    }
+}
+
+/// The path goes on in its direction as if the surface were not there; its scattering density stays valid.
+fn pass_through(mut path: Path, surface: &Surface, hit: &Hit, chance: f32) -> Option<Path> {
+    path.passed += 1;
+    path.throughput *= surface.through / chance;
+    path.passed_distance += hit.t;
+    path.ray.origin = surface.spawn(path.ray.direction);
+    (path.passed < MAX_PASSED).then_some(path)
+}
+
+/// Chooses the next direction; Russian roulette ends paths of little worth.
+fn scatter(mut path: Path, surface: &Surface) -> Option<Path> {
+    let [u_lobe, u_roulette, u, v] = path.sampler.set(2 * path.edges - 1);
+    let sample = surface.bsdf.sample(u_lobe, Vec2::new(u, v), Lobes::ALL)?;
+    path.throughput *= sample.weight;
+    if sample.transmitted {
+        path.roulette_scale *= surface.bsdf.transmitted_eta().powi(2);
+    }
+    if path.edges >= ROULETTE_FROM {
+        let survival = (path.throughput.max_element() * path.roulette_scale).clamp(0.05, 0.95);
+        if u_roulette >= survival {
+            return None;
+        }
+        path.throughput /= survival;
+    }
+    path.scatter_pdf = sample.pdf;
+    path.passed_distance = 0.0;
+    // A rough bounce spreads the footprint; texture lookups behind it may be coarse.
+    path.cone.spread += 0.5 * sample.alpha;
+    path.ray = Ray::new(surface.spawn(sample.wi), sample.wi);
+    (path.throughput.is_finite() && path.throughput != Vec3::ZERO).then_some(path)
+}

@@ -1,0 +1,191 @@
+//! What integrators share: the view, the settings, a region of pixels, its camera rays and its sums.
+
+use glam::{Vec2, Vec3};
+use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
+use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surface, points};
+
+/// What is looked at, and from where.
+#[derive(Debug)]
+pub struct View<'a, Q: ?Sized> {
+    /// Answers rays.
+    pub query: &'a Q,
+    /// Shader tables.
+    pub scene: &'a ShadingScene,
+    /// Camera rays.
+    pub camera: &'a CameraRays,
+}
+
+/// Parameters of a frame.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Longest path in edges (1: emission only); `None` is the integrator's default.
+    pub max_depth: Option<u32>,
+    /// Same seed, same bits.
+    pub seed: u32,
+    /// Decorrelates frames.
+    pub frame: u32,
+    /// Where samples lie around a pixel's centre.
+    pub filter: PixelFilter,
+    /// Constant radiance that every surface reflects, times its albedo. For `direct` alone.
+    pub ambient: Vec3,
+}
+
+/// A rectangle of at most 16×16 pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// Left column.
+    pub x: u32,
+    /// Top row.
+    pub y: u32,
+    /// Columns, at most 16.
+    pub width: u32,
+    /// Rows, at most 16.
+    pub height: u32,
+}
+
+impl Region {
+    /// Edge length of a full region.
+    pub const SIZE: u32 = 16;
+
+    /// All regions of a picture, row by row.
+    pub fn cover(width: u32, height: u32) -> impl Iterator<Item = Self> {
+        let starts = |extent: u32| (0..extent).step_by(Self::SIZE as usize);
+        starts(height).flat_map(move |y| {
+            starts(width).map(move |x| Self {
+                x,
+                y,
+                width: Self::SIZE.min(width - x),
+                height: Self::SIZE.min(height - y),
+            })
+        })
+    }
+
+    /// The pixels in blocks of 4×4, so that every 16 camera rays in a row form a narrow frustum.
+    pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
+        let blocks =
+            (0..self.height).step_by(4).flat_map(move |y| (0..self.width).step_by(4).map(move |x| (x, y)));
+        blocks.flat_map(move |(bx, by)| {
+            let (columns, rows) = (bx..(bx + 4).min(self.width), by..(by + 4).min(self.height));
+            rows.flat_map(move |y| columns.clone().map(move |x| (self.x + x, self.y + y)))
+        })
+    }
+}
+
+/// What the samples of one pixel add up to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PixelSum {
+    /// Radiance.
+    pub color: Vec3,
+    /// Distance along the ray.
+    pub depth: f32,
+    /// Shading normals.
+    pub normal: Vec3,
+    /// Positions.
+    pub position: Vec3,
+    /// Albedos.
+    pub albedo: Vec3,
+    /// Number of samples that hit something.
+    pub hits: f32,
+    /// Identifiers of the first sample's first hit.
+    pub first: Option<FirstHit>,
+}
+
+/// What was hit, by handle number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FirstHit {
+    /// Object handle.
+    pub object: u32,
+    /// Innermost instance handle.
+    pub instance: u32,
+    /// Material handle.
+    pub material: u32,
+}
+
+impl PixelSum {
+    /// Adds the first surface a camera ray met (behind see-through ones it passed).
+    pub(crate) fn add_first_hit(
+        &mut self,
+        scene: &ShadingScene,
+        hit: &Hit,
+        surface: &Surface,
+        distance: f32,
+        first_sample: bool,
+    ) {
+        self.depth += distance;
+        self.normal += surface.bsdf.normal();
+        self.position += surface.position;
+        self.albedo += surface.albedo;
+        self.hits += 1.0;
+        if first_sample {
+            let (placement, _, material) = scene.part(hit);
+            let Placement { object, instance, .. } = placement;
+            self.first = Some(FirstHit { object: object.0, instance: instance.0, material: material.id.0 });
+        }
+    }
+
+    /// Adds radiance; a sample that is not finite counts as black rather than spoiling the pixel.
+    pub(crate) fn add_radiance(&mut self, radiance: Vec3) {
+        if radiance.is_finite() {
+            self.color += radiance;
+        }
+    }
+}
+
+/// One camera ray on its way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CameraSample {
+    /// Index into the region's pixels.
+    pub(crate) pixel: u32,
+    pub(crate) sampler: Sampler,
+    pub(crate) ray: Ray,
+    pub(crate) cone: Cone,
+}
+
+/// The camera rays of one sample of all pixels of a region, with their closest hits.
+pub(crate) fn camera_samples<Q: RayQuery + ?Sized>(
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sample: u32,
+) -> (Vec<CameraSample>, Vec<Hit>) {
+    let samples: Vec<CameraSample> = (0..)
+        .zip(region.pixels())
+        .map(|(pixel, (x, y))| {
+            let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
+            let (u_filter, u_lens) = points(sampler.set(0));
+            let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
+            let ray = view.camera.ray(at, u_lens);
+            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction), cone: ray.cone }
+        })
+        .collect();
+    let mut hits = vec![Hit::MISS; samples.len()];
+    match view.camera.common_origin() {
+        Some(origin) => {
+            let mut tile = Tile::new(origin);
+            for (samples, hits) in samples.chunks(Tile::CAPACITY).zip(hits.chunks_mut(Tile::CAPACITY)) {
+                tile.restart(origin);
+                for sample in samples {
+                    tile.push(sample.ray.direction, f32::INFINITY);
+                }
+                view.query.intersect_tile(&tile, hits);
+            }
+        }
+        None => {
+            let rays: Vec<Ray> = samples.iter().map(|s| s.ray).collect();
+            view.query.intersect(&rays, &mut hits);
+        }
+    }
+    (samples, hits)
+}
+
+/// Weight of a sample from a strategy of density `a` when another has density `b`: the power heuristic with β = 2.
+///
+/// # References
+/// Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, section 9.2.4.
+pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
+    // Densities of tiny lights overflow when squared; their ratio does not.
+    let ratio = b / a;
+    if ratio.is_nan() { 0.0 } else { 1.0 / (1.0 + ratio * ratio) }
+}

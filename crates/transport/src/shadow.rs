@@ -1,0 +1,101 @@
+//! Shadow rays: light on its way to a surface point, through whatever lets it pass.
+
+use glam::Vec3;
+use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_shading::{Cone, ShadingScene};
+
+/// A surface that lets light pass may be met this often on one shadow ray; after that it counts as blocked.
+const MAX_SEE_THROUGH: u32 = 64;
+
+/// Light that arrives unless something stands in the way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PendingLight {
+    /// Index into the region's pixels.
+    pub(crate) pixel: u32,
+    /// Radiance added to the pixel if the way is free.
+    pub(crate) radiance: Vec3,
+}
+
+/// Shadow rays of a batch with what they carry.
+#[derive(Debug, Default)]
+pub(crate) struct ShadowBatch {
+    rays: Vec<Ray>,
+    lights: Vec<PendingLight>,
+    occluded: Vec<bool>,
+    hits: Vec<Hit>,
+}
+
+impl ShadowBatch {
+    /// Adds a ray from `origin` over `distance` along the unit vector `direction`.
+    pub(crate) fn push(&mut self, origin: Vec3, direction: Vec3, distance: f32, light: PendingLight) {
+        self.rays.push(Ray { origin, t_min: 0.0, direction, t_max: distance });
+        self.lights.push(light);
+    }
+
+    /// Traces the batch, hands what arrives to `deliver` in the order of the pushes, and empties it. Returns the
+    /// number of rays traced.
+    pub(crate) fn trace<Q: RayQuery + ?Sized>(
+        &mut self,
+        query: &Q,
+        scene: &ShadingScene,
+        deliver: impl FnMut(PendingLight),
+    ) -> u64 {
+        let traced = if scene.has_see_through() {
+            self.attenuate(query, scene)
+        } else {
+            self.occluded.clear();
+            self.occluded.resize(self.rays.len(), false);
+            query.occluded(&self.rays, &mut self.occluded);
+            for (light, &occluded) in self.lights.iter_mut().zip(&self.occluded) {
+                if occluded {
+                    light.radiance = Vec3::ZERO;
+                }
+            }
+            self.rays.len() as u64
+        };
+        self.lights.iter().copied().filter(|light| light.radiance != Vec3::ZERO).for_each(deliver);
+        self.rays.clear();
+        self.lights.clear();
+        traced
+    }
+
+    /// Follows each ray from surface to surface until it arrives or is blocked.
+    fn attenuate<Q: RayQuery + ?Sized>(&mut self, query: &Q, scene: &ShadingScene) -> u64 {
+        let mut traced = 0;
+        let mut active: Vec<usize> = (0..self.rays.len()).collect();
+        let mut rays = self.rays.clone();
+        for round in 0.. {
+            self.hits.clear();
+            self.hits.resize(rays.len(), Hit::MISS);
+            query.intersect(&rays, &mut self.hits);
+            traced += rays.len() as u64;
+            let mut next = Vec::new();
+            let mut next_rays = Vec::new();
+            for ((&index, ray), hit) in active.iter().zip(&rays).zip(&self.hits) {
+                if !hit.is_hit() {
+                    continue;
+                }
+                let light = &mut self.lights[index];
+                light.radiance *= match round < MAX_SEE_THROUGH {
+                    true => scene.transmittance(hit, ray.direction),
+                    false => Vec3::ZERO,
+                };
+                if light.radiance == Vec3::ZERO {
+                    continue;
+                }
+                let surface = scene.surface(hit, ray.direction, Cone::default());
+                let origin = surface.spawn(ray.direction);
+                let t_max = ray.t_max - hit.t;
+                if t_max > 0.0 {
+                    next.push(index);
+                    next_rays.push(Ray { origin, t_max, ..*ray });
+                }
+            }
+            if next.is_empty() {
+                return traced;
+            }
+            (active, rays) = (next, next_rays);
+        }
+        traced
+    }
+}
