@@ -20,7 +20,7 @@ fn placed(scene: &Scene, mut visit: impl FnMut(&Mesh, Affine3A, bool)) {
         for instance in scene.instances().values().filter(|instance| instance.parent == parent) {
             let frame = frame * instance.parent_from_object;
             for part in &scene.objects()[&instance.object].parts {
-                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry] else { unreachable!() };
+                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
                 visit(mesh, frame, scene.materials()[&part.material].is_emissive());
             }
             descend(scene, Some(instance.object), frame, visit);
@@ -39,9 +39,14 @@ fn triangles(scene: &Scene) -> usize {
 fn sizes_are_as_advertised() {
     let count = |name| triangles(&scene(name));
     assert_eq!(count("cornell"), 12 + 20);
-    assert!((50_000..300_000).contains(&count("atrium")), "{}", count("atrium"));
-    assert!((270_000..290_000).contains(&count("conference")), "{}", count("conference"));
-    assert!((270_000..290_000).contains(&count("conference-1")), "{}", count("conference-1"));
+    for (name, range) in [
+        ("atrium", 50_000..300_000),
+        ("conference", 270_000..290_000),
+        ("conference-1", 270_000..290_000),
+    ] {
+        let triangles = count(name);
+        assert!(range.contains(&triangles), "{name} has {triangles} triangles");
+    }
 }
 
 #[test]
@@ -49,9 +54,9 @@ fn unknown_names_make_nothing_and_known_ones_something() {
     assert!(crate::build("teapot").is_none());
     for (name, description) in crate::names() {
         assert!(!description.is_empty());
-        assert!(!crate::build(name).unwrap().is_empty(), "{name}");
-        assert!(scene(name).has_light(), "{name} is dark");
-        assert!(!scene(name).cameras().is_empty(), "{name} has no camera");
+        let scene = scene(name);
+        assert!(scene.has_light(), "{name} is dark");
+        assert!(!scene.cameras().is_empty(), "{name} has no camera");
     }
 }
 
@@ -59,7 +64,7 @@ fn unknown_names_make_nothing_and_known_ones_something() {
 fn meshes_are_clean() {
     for (name, _) in crate::names() {
         for (id, geometry) in scene(name).geometries() {
-            let Geometry::Mesh(mesh) = geometry else { unreachable!() };
+            let Geometry::Mesh(mesh) = geometry;
             check_mesh(mesh, &format!("{name}, {id}"));
         }
     }
