@@ -1,2 +1,59 @@
 //! The built-in procedural scenes: a name in, edits out.
+//!
+//! Everything is made by formula, deterministically, in well under a second; no file is read. Units are metres,
+//! +Y is up. Area lights face the room.
+//!
+//! ```
+//! use heliostat_scene::Scene;
+//!
+//! let mut scene = Scene::default();
+//! scene.apply(&heliostat_builtin::build("cornell").expect("a built-in scene"))?;
+//! assert_eq!(scene.cameras().len(), 2);
+//! # Ok::<(), heliostat_scene::EditError>(())
+//! ```
 #![forbid(unsafe_code)]
+
+use heliostat_scene::Edit;
+
+mod atrium;
+mod conference;
+mod cornell;
+mod paint;
+mod pattern;
+mod plant;
+mod random;
+mod shape;
+mod sky;
+mod solid;
+mod spheres;
+#[cfg(test)]
+mod tests;
+
+pub use sky::default_light;
+
+/// The scenes by name, each with one line that says what it shows.
+pub fn names() -> &'static [(&'static str, &'static str)] {
+    &[
+        (
+            "atrium",
+            "a sunlit two-storey courtyard: colonnades, banners, a fountain, plants under an open sky",
+        ),
+        ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
+        ("conference-1", "the conference room lit by one rectangular lamp"),
+        ("cornell", "the Cornell box by its measured dimensions"),
+        ("spheres", "the material model: metals, plastics, lacquers and glass over roughness"),
+    ]
+}
+
+/// The edits that make the scene `name` in an empty [`Scene`](heliostat_scene::Scene), or `None` when there is no
+/// such scene. The same name always gives the same edits.
+pub fn build(name: &str) -> Option<Vec<Edit>> {
+    Some(match name {
+        "atrium" => atrium::build(),
+        "conference" => conference::build(conference::Lighting::Ceiling),
+        "conference-1" => conference::build(conference::Lighting::OneLamp),
+        "cornell" => cornell::build(),
+        "spheres" => spheres::build(),
+        _ => return None,
+    })
+}

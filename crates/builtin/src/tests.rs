@@ -1,0 +1,141 @@
+//! What every built-in scene promises.
+
+use glam::{Affine3A, Vec3};
+use heliostat_scene::{Edit, Geometry, Mesh, ObjectId, Pixels, Scene};
+
+fn scene(name: &str) -> Scene {
+    let mut scene = Scene::default();
+    scene.apply(&crate::build(name).unwrap()).unwrap_or_else(|error| panic!("{name}: {error}"));
+    scene
+}
+
+/// Calls `visit` with every placed mesh, its placement and whether it emits.
+fn placed(scene: &Scene, mut visit: impl FnMut(&Mesh, Affine3A, bool)) {
+    fn descend(
+        scene: &Scene,
+        parent: Option<ObjectId>,
+        frame: Affine3A,
+        visit: &mut impl FnMut(&Mesh, Affine3A, bool),
+    ) {
+        for instance in scene.instances().values().filter(|instance| instance.parent == parent) {
+            let frame = frame * instance.parent_from_object;
+            for part in &scene.objects()[&instance.object].parts {
+                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
+                visit(mesh, frame, scene.materials()[&part.material].is_emissive());
+            }
+            descend(scene, Some(instance.object), frame, visit);
+        }
+    }
+    descend(scene, None, Affine3A::IDENTITY, &mut visit);
+}
+
+fn triangles(scene: &Scene) -> usize {
+    let mut count = 0;
+    placed(scene, |mesh, _, _| count += mesh.indices.len());
+    count
+}
+
+#[test]
+fn sizes_are_as_advertised() {
+    let count = |name| triangles(&scene(name));
+    assert_eq!(count("cornell"), 12 + 20);
+    for (name, range) in [
+        ("atrium", 50_000..300_000),
+        ("conference", 270_000..290_000),
+        ("conference-1", 270_000..290_000),
+    ] {
+        let triangles = count(name);
+        assert!(range.contains(&triangles), "{name} has {triangles} triangles");
+    }
+}
+
+#[test]
+fn unknown_names_make_nothing_and_known_ones_something() {
+    assert!(crate::build("teapot").is_none());
+    for (name, description) in crate::names() {
+        assert!(!description.is_empty());
+        let scene = scene(name);
+        assert!(scene.has_light(), "{name} is dark");
+        assert!(!scene.cameras().is_empty(), "{name} has no camera");
+    }
+}
+
+#[test]
+fn meshes_are_clean() {
+    for (name, _) in crate::names() {
+        for (id, geometry) in scene(name).geometries() {
+            let Geometry::Mesh(mesh) = geometry;
+            check_mesh(mesh, &format!("{name}, {id}"));
+        }
+    }
+}
+
+/// No NaN, no triangle without area, unit normals that agree with the winding.
+fn check_mesh(mesh: &Mesh, what: &str) {
+    assert!(!mesh.indices.is_empty(), "{what} has no triangles");
+    assert!(mesh.positions.iter().all(|p| p.is_finite()), "{what}: positions");
+    assert!(mesh.uvs[0].iter().all(|uv| uv.is_finite()), "{what}: texture coordinates");
+    for (i, n) in mesh.normals.iter().enumerate() {
+        assert!((n.length() - 1.0).abs() < 1e-3, "{what}: normal {i} is {n}");
+    }
+    for triangle in mesh.indices.iter() {
+        let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
+        let face = (b - a).cross(c - a);
+        assert!(face.length() > 0.0, "{what}: {triangle:?} {a} {b} {c} has no area");
+        let normals = triangle.map(|i| mesh.normals.get(i as usize).copied().unwrap_or(face.normalize()));
+        let mean: Vec3 = normals.iter().sum();
+        assert!(mean.dot(face) > 0.0, "{what}: {triangle:?} at {a} faces {face}, its normals {normals:?}");
+    }
+}
+
+#[test]
+fn lamps_face_the_room() {
+    // Every emitting triangle shines towards the middle of the scene's lower half.
+    for name in ["cornell", "conference", "conference-1"] {
+        let scene = scene(name);
+        let bounds = scene.bounds().unwrap();
+        let room = bounds.center() - Vec3::Y * 0.25 * (bounds.max.y - bounds.min.y);
+        let mut emitters = 0;
+        placed(&scene, |mesh, frame, emits| {
+            for triangle in mesh.indices.iter().filter(|_| emits) {
+                let [a, b, c] = triangle.map(|i| frame.transform_point3(mesh.positions[i as usize]));
+                assert!((b - a).cross(c - a).dot(room - a) > 0.0, "{name}: lamp at {a} faces away");
+                emitters += 1;
+            }
+        });
+        assert!(emitters >= 2, "{name} has {emitters} emitting triangles");
+    }
+    let mut one = 0;
+    placed(&scene("conference-1"), |mesh, _, emits| one += if emits { mesh.indices.len() } else { 0 });
+    assert_eq!(one, 2, "one rectangle");
+}
+
+#[test]
+fn the_same_name_gives_the_same_bytes() {
+    for (name, _) in crate::names() {
+        let [a, b] = [(), ()].map(|()| crate::build(name).unwrap());
+        assert_eq!(a.len(), b.len());
+        for (a, b) in a.iter().zip(&b) {
+            assert!(fingerprint(a) == fingerprint(b), "{name} differs from itself");
+        }
+    }
+}
+
+/// All numbers of an edit: large arrays as bytes, the rest as text.
+fn fingerprint(edit: &Edit) -> (String, Vec<u8>) {
+    match edit {
+        Edit::Geometry(id, Geometry::Mesh(mesh)) => {
+            let floats = mesh.positions.iter().chain(&mesh.normals).flat_map(|v| v.to_array());
+            let floats = floats.chain(mesh.uvs[0].iter().flat_map(|uv| uv.to_array()));
+            let indices = mesh.indices.iter().flatten().flat_map(|i| i.to_le_bytes());
+            (id.to_string(), floats.flat_map(f32::to_le_bytes).chain(indices).collect())
+        }
+        Edit::Texture(id, texture) => match &texture.image.pixels {
+            Pixels::Rgba8(pixels) => (id.to_string(), pixels.clone()),
+            Pixels::RgbaF32(pixels) => {
+                (id.to_string(), pixels.iter().flat_map(|v| v.to_le_bytes()).collect())
+            }
+        },
+        other => (format!("{other:?}"), Vec::new()),
+    }
+}
