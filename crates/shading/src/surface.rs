@@ -275,16 +275,3 @@ pub(crate) fn surface(
         absorption: if front { Vec3::ZERO } else { material.absorption() },
     }
 }
-
-/// What passes straight through at a hit, without the cost of a whole surface.
-pub(crate) fn transmittance(
-    placement: &Placement,
-    part: &ShadedPart,
-    material: &SurfaceMaterial,
-    query: &SurfaceQuery,
-) -> Vec3 {
-    if !material.is_see_through() {
-        return Vec3::ZERO;
-    }
-    surface(placement, part, material, query).through
-}

@@ -83,7 +83,8 @@ impl Converter {
             let make = |images: &[Option<Arc<Image>>]| match (diffuse, &images[0], images.last()) {
                 (Some(_), None, _) => None,
                 (_, Some(base), Some(Some(mask))) if opacity.is_some() => {
-                    let base = if diffuse.is_some() { base.clone() } else { Arc::new(pixels::white_like(mask)) };
+                    let base =
+                        if diffuse.is_some() { base.clone() } else { Arc::new(pixels::white_like(mask)) };
                     Some(Arc::new(pixels::with_lanes(&base, &[(3, mask)])))
                 }
                 (_, image, _) => image.clone(),
@@ -102,7 +103,8 @@ impl Converter {
             (MapKind::Emission, &mut material.emissive_texture),
         ] {
             if let Some(map) = mtl.map(kind) {
-                let id = self.texture(context, builder, &[map], "colour", ColorSpace::Srgb, |i| i[0].clone())?;
+                let id =
+                    self.texture(context, builder, &[map], "colour", ColorSpace::Srgb, |i| i[0].clone())?;
                 *slot = Some(reference(id, map));
             }
         }
@@ -164,7 +166,8 @@ impl Converter {
         let maps: Vec<&Map> = [roughness, metallic].into_iter().flatten().collect();
         let id = self.texture(context, builder, &maps, use_, ColorSpace::Linear, make)?;
         // The maps multiply factors that such files leave at 0.
-        material.roughness = if roughness.is_some() { mtl.roughness.unwrap_or(1.0) } else { material.roughness };
+        material.roughness =
+            if roughness.is_some() { mtl.roughness.unwrap_or(1.0) } else { material.roughness };
         material.metallic = if metallic.is_some() { mtl.metallic.unwrap_or(1.0) } else { material.metallic };
         material.roughness = material.roughness.clamp(0.0, 1.0);
         material.metallic = material.metallic.clamp(0.0, 1.0);

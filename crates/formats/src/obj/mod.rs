@@ -92,7 +92,11 @@ impl Materials {
             Err(error) => {
                 let read = |name: &str| Some((name.to_owned(), context.read(name).ok()?));
                 let several: Vec<&str> = names.split_whitespace().collect();
-                let files: Vec<_> = if several.len() > 1 { several.iter().copied().filter_map(read).collect() } else { Vec::new() };
+                let files: Vec<_> = if several.len() > 1 {
+                    several.iter().copied().filter_map(read).collect()
+                } else {
+                    Vec::new()
+                };
                 let missing = files.len() < several.len();
                 (files, missing.then_some(error))
             }

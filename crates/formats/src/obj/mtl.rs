@@ -169,7 +169,8 @@ fn map_kind(keyword: &[u8]) -> Option<MapKind> {
 fn color(context: &mut Context<'_>, words: &mut Words<'_>) -> Result<Option<Vec3>, LoadError> {
     if let Some(kind @ (b"spectral" | b"xyz")) = words.peek() {
         words.word();
-        let message = format!("`{}` colours are not supported; this one was ignored", String::from_utf8_lossy(kind));
+        let message =
+            format!("`{}` colours are not supported; this one was ignored", String::from_utf8_lossy(kind));
         context.warn(words.place(), message, "give red, green and blue");
         return Ok(None);
     }
