@@ -63,7 +63,7 @@ fn measure(world: &World, place: Affine3A, what: &str) {
     });
     println!("    tile and single disagree on {} of {} rays", differ.count(), rays.len());
 
-    let lights = [Vec3::new(0.0, 2.8, 0.0), Vec3::new(-4.0, 1.0, 4.0), Vec3::new(4.5, 0.4, -3.0)]
+    let lights = [Vec3::new(0.0, 2.8, 0.0), Vec3::new(-4.0, 1.0, 3.9), Vec3::new(4.5, 0.4, -3.0)]
         .map(|p| place.transform_point3(p));
     let shadow = shadow_tiles(&tiles, &hits, &lights);
     let total = shadow.iter().map(Tile::len).sum();

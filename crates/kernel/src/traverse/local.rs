@@ -38,7 +38,7 @@ impl LocalRay {
     }
 
     #[inline(always)]
-    fn in_range(&self) -> bool {
+    pub(super) fn in_range(&self) -> bool {
         // Both comparisons are false for NaN; the sum catches a NaN that maxima might drop.
         let (o, d) = (self.origin.abs(), self.direction.abs());
         let d_sum = d.x + d.y + d.z;
