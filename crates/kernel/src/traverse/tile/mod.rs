@@ -1,9 +1,12 @@
 //! Tiles of rays with a common origin: set-up by cube face, traversal of triangles, and instances below.
 //!
 //! A common origin stays common under an affine map, so the same kernel serves every level of instances.
+mod collect;
 mod leaf;
 mod walk;
 mod work;
+
+use std::cell::Cell;
 
 use fearless_simd::prelude::*;
 use glam::Vec3A;
@@ -14,12 +17,12 @@ use self::{
     work::{Face, GROUP, LevelRays, Work},
 };
 use super::{
-    batch, finish, instances,
+    batch, instances,
     local::LocalRay,
     stack::Stack,
 };
 use crate::{
-    layout::{Child, WIDTH},
+    layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
     tile::Tile,
@@ -66,6 +69,25 @@ fn has(slots: &Slots, slot: u8) -> bool {
     slots[usize::from(slot >> 6)] >> (slot & 63) & 1 != 0
 }
 
+thread_local! {
+    /// Buffers kept between queries of a thread: a tile is too short to pay for fresh ones. Holds no state.
+    static KEPT: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
+}
+
+/// This thread's buffers, or new ones.
+#[inline(never)]
+fn reuse() -> Box<Scratch> {
+    KEPT.take().unwrap_or_else(|| Box::new(Scratch::new()))
+}
+
+/// Puts buffers back for the next query, but no more than a few levels of them.
+#[inline(never)]
+fn keep(mut scratch: Box<Scratch>, level: Box<Level>) {
+    scratch.levels.push(level);
+    scratch.levels.truncate(4);
+    KEPT.set(Some(scratch));
+}
+
 impl Scratch {
     fn new() -> Self {
         Self { visits: Vec::with_capacity(64), single: Stack::new(), levels: Vec::new() }
@@ -90,40 +112,59 @@ fn fresh_level() -> Box<Level> {
 pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut [Hit]) {
     let len = tile.len().min(hits.len());
     let hits = &mut hits[..len];
-    let mut scratch = Scratch::new();
+    let mut scratch = reuse();
     let mut level = scratch.take();
-    load(&mut level.rays, tile, len);
+    load(simd, &mut level.rays, tile, len);
     for (hit, &t_max) in hits.iter_mut().zip(&tile.t_max) {
         *hit = Hit { t: t_max, ..Hit::MISS };
     }
     let mut answers = Answers { hits: &mut *hits, found: [0; 4] };
     enter::<S, false>(simd, root, PathId::ROOT, &mut level, &mut answers, &mut scratch);
-    let found = answers.found;
-    for (i, hit) in hits.iter_mut().enumerate() {
-        if !has(&found, i as u8) {
-            *hit = Hit::MISS;
+    for (word, found) in answers.found.into_iter().enumerate() {
+        let mut missed = !found;
+        while missed != 0 {
+            let i = word * 64 + missed.trailing_zeros() as usize;
+            missed &= missed - 1;
+            match hits.get_mut(i) {
+                Some(hit) => *hit = Hit::MISS,
+                None => break,
+            }
         }
     }
+    keep(scratch, level);
 }
 
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &mut [bool]) {
     let len = tile.len().min(occluded.len());
-    let mut scratch = Scratch::new();
+    let mut scratch = reuse();
     let mut level = scratch.take();
-    load(&mut level.rays, tile, len);
+    load(simd, &mut level.rays, tile, len);
     let mut answers = Answers { hits: &mut [], found: [0; 4] };
     enter::<S, true>(simd, root, PathId::ROOT, &mut level, &mut answers, &mut scratch);
     for (i, out) in occluded[..len].iter_mut().enumerate() {
         *out = has(&answers.found, i as u8);
     }
+    keep(scratch, level);
 }
 
 /// Takes over the rays that can hit something.
 #[inline(always)]
-fn load(rays: &mut LevelRays, tile: &Tile, len: usize) {
-    rays.len = 0;
+fn load<S: Simd>(simd: S, rays: &mut LevelRays, tile: &Tile, len: usize) {
     rays.origin = tile.origin.into();
+    rays.len = 0;
+    if !LocalRay::origin_in_range(rays.origin) {
+        return;
+    }
+    let usable = work::usable(simd, tile, len);
+    if usable {
+        rays.direction = tile.direction;
+        rays.t_min = tile.t_min;
+        rays.t_max = tile.t_max;
+        rays.slot = IDENTITY;
+        rays.len = len;
+        return;
+    }
     for i in 0..len {
         let direction = Vec3A::new(tile.direction[0][i], tile.direction[1][i], tile.direction[2][i]);
         let ray = LocalRay { origin: rays.origin, direction, t_min: tile.t_min[i].max(0.0) };
@@ -132,6 +173,17 @@ fn load(rays: &mut LevelRays, tile: &Tile, len: usize) {
         }
     }
 }
+
+/// Slots of a tile that is taken over whole.
+const IDENTITY: [u8; Tile::CAPACITY] = {
+    let mut slots = [0; Tile::CAPACITY];
+    let mut i = 0;
+    while i < Tile::CAPACITY {
+        slots[i] = i as u8;
+        i += 1;
+    }
+    slots
+};
 
 /// Answers `level.rays` in `object`, face by face.
 #[inline(always)]
@@ -145,9 +197,8 @@ fn run<S: Simd, const ANY: bool>(
 ) {
     let Level { rays, chosen, work } = level;
     while rays.len > 0 {
-        let middle = (0..rays.len).fold(Vec3A::ZERO, |sum, i| sum + rays.direction(i));
-        let mut face = Face::of(middle);
-        let all = (0..rays.len).all(|i| face.takes(rays.direction(i)));
+        let mut face = Face::of(rays.mean_direction(simd));
+        let all = rays.all_on(simd, face);
         if all {
             std::mem::swap(rays, chosen);
             rays.len = 0;
@@ -221,9 +272,9 @@ fn one_face<S: Simd, const ANY: bool>(
     {
         triangles::<S, ANY>(simd, bvh, rays, face, work, &mut scratch.visits);
         if ANY {
-            collect_occluded(rays, work, answers);
+            collect::occluded(simd, rays, work, answers);
         } else {
-            collect_hits(bvh, path, rays, work, answers);
+            collect::hits(simd, bvh, path, rays, face, work, answers);
         }
     }
     if !object.instance_tree.nodes.is_empty() {
@@ -266,47 +317,6 @@ fn triangles<S: Simd, const ANY: bool>(
         }
     }
     visits.truncate(mark);
-}
-
-#[inline(always)]
-fn collect_occluded(rays: &LevelRays, work: &Work, answers: &mut Answers<'_>) {
-    for i in 0..rays.len {
-        if work.id[i / GROUP][i % GROUP] != Work::NONE {
-            answers.set(rays.slot[i]);
-        }
-    }
-}
-
-#[inline(always)]
-fn collect_hits(bvh: &TriangleBvh, path: PathId, rays: &LevelRays, work: &Work, answers: &mut Answers<'_>) {
-    for i in 0..rays.len {
-        let (g, lane) = (i / GROUP, i % GROUP);
-        let id = work.id[g][lane];
-        if id == Work::NONE {
-            continue;
-        }
-        let ray = LocalRay { origin: rays.origin, direction: rays.direction(i), t_min: rays.t_min[i] };
-        let hit = &mut answers.hits[usize::from(rays.slot[i])];
-        let block = &bvh.blocks[id as usize / WIDTH];
-        let triangle = id as usize % WIDTH;
-        let t = inside(1.0 / (work.iz[g][lane] * work.scale[g][lane]), ray.t_min, hit.t);
-        let exact = finish::exact(&ray, block.corners(triangle), t, hit.t);
-        let (geometry, primitive) = bvh.locate(block.triangle[triangle]);
-        *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };
-        answers.set(rays.slot[i]);
-    }
-}
-
-/// `t` moved into the open interval, from which rounding may have pushed it.
-#[inline(always)]
-fn inside(t: f32, t_min: f32, t_max: f32) -> f32 {
-    if t <= t_min {
-        t_min.next_up()
-    } else if t >= t_max {
-        t_max.next_down()
-    } else {
-        t
-    }
 }
 
 /// All groups through the instance tree.

@@ -5,7 +5,7 @@
 use fearless_simd::{f32x16, prelude::*};
 use glam::Vec3A;
 
-use crate::tile::Tile;
+use crate::{tile::Tile, traverse::local::LocalRay};
 
 /// Rays per group, and groups per tile.
 pub(super) const GROUP: usize = 16;
@@ -49,6 +49,34 @@ impl LevelRays {
         self.t_max[i] = t_max;
         self.slot[i] = slot;
         self.len = i + 1;
+    }
+
+    /// The sum of all directions.
+    #[inline(always)]
+    pub(super) fn mean_direction<S: Simd>(&self, simd: S) -> Vec3A {
+        let zero = f32x16::splat(simd, 0.0);
+        let mut sum = [zero; 3];
+        for (axis, sum) in sum.iter_mut().enumerate() {
+            for g in 0..self.len.div_ceil(GROUP) {
+                let d = f32x16::load_array_ref(simd, &self.direction[axis].as_chunks::<GROUP>().0[g]);
+                *sum += first_lanes(simd, self.len - g * GROUP).select(d, zero);
+            }
+        }
+        Vec3A::new(sum[0].reduce_sum(), sum[1].reduce_sum(), sum[2].reduce_sum())
+    }
+
+    /// Whether `face` takes every ray.
+    #[inline(always)]
+    pub(super) fn all_on<S: Simd>(&self, simd: S, face: Face) -> bool {
+        let [u, v, k] = face.axes.map(|axis| self.direction[axis % 3].as_chunks::<GROUP>().0);
+        let mut outside = 0;
+        for g in 0..self.len.div_ceil(GROUP) {
+            let across = f32x16::load_array_ref(simd, &u[g]).abs().max(f32x16::load_array_ref(simd, &v[g]).abs());
+            let along = f32x16::load_array_ref(simd, &k[g]) * face.sign;
+            let used = first_lanes(simd, self.len - g * GROUP);
+            outside |= (used & along.simd_lt(across * FACE_FRACTION)).to_bitmask();
+        }
+        outside == 0
     }
 
     #[inline(always)]
@@ -148,8 +176,7 @@ impl Work {
                 (self.v0[g], self.v1[g]) = (f32::INFINITY, f32::NEG_INFINITY);
                 continue;
             }
-            let used = (rays.len - g * GROUP).min(GROUP);
-            let used = mask16(simd, ((1_u64 << used) - 1) as u16);
+            let used = first_lanes(simd, rays.len - g * GROUP);
             let scale = f32x16::load_array_ref(simd, &k[g]) * face.sign;
             let scale = used.select(scale, one);
             let inverse = one / scale;
@@ -216,6 +243,39 @@ impl Work {
         }
         rect
     }
+}
+
+/// Whether the first `len` rays of a tile can all hit something, as far as their directions and intervals go.
+#[inline(always)]
+pub(super) fn usable<S: Simd>(simd: S, tile: &Tile, len: usize) -> bool {
+    let [x, y, z] = &tile.direction;
+    let (x, y, z) = (x.as_chunks::<GROUP>().0, y.as_chunks::<GROUP>().0, z.as_chunks::<GROUP>().0);
+    let (t_min, t_max) = (tile.t_min.as_chunks::<GROUP>().0, tile.t_max.as_chunks::<GROUP>().0);
+    let (least, most) = (*LocalRay::DIRECTION_RANGE.start(), *LocalRay::DIRECTION_RANGE.end());
+    let zero = f32x16::splat(simd, 0.0);
+    let mut bad = 0;
+    for g in 0..len.div_ceil(GROUP) {
+        let dx = f32x16::load_array_ref(simd, &x[g]).abs();
+        let dy = f32x16::load_array_ref(simd, &y[g]).abs();
+        let dz = f32x16::load_array_ref(simd, &z[g]).abs();
+        let most = f32x16::splat(simd, most);
+        let start = f32x16::load_array_ref(simd, &t_min[g]);
+        let end = f32x16::load_array_ref(simd, &t_max[g]);
+        // Every comparison is false for NaN.
+        let finite = dx.simd_le(most) & dy.simd_le(most) & dz.simd_le(most);
+        let long = dx.max(dy).max(dz).simd_ge(f32x16::splat(simd, least));
+        // Negative starts go the slow way, which clamps them.
+        let interval = start.simd_lt(end) & start.simd_ge(zero);
+        let good = (finite & long & interval).to_bitmask();
+        bad |= !good & first_lanes(simd, len - g * GROUP).to_bitmask();
+    }
+    bad == 0
+}
+
+/// The first `count` of 16 lanes.
+#[inline(always)]
+fn first_lanes<S: Simd>(simd: S, count: usize) -> fearless_simd::mask32x16<S> {
+    mask16(simd, ((1_u32 << count.min(GROUP)) - 1) as u16)
 }
 
 #[inline(always)]
