@@ -68,7 +68,9 @@ impl<'a> Context<'a> {
     pub(crate) fn charge(&mut self, bytes: u64, place: &Place) -> Result<(), LoadError> {
         self.memory = self.memory.saturating_add(bytes);
         let limit = self.limits.memory_bytes;
-        within(self.memory, limit, || LoadError::limit(place.clone(), "bytes decoded", self.memory, "memory_bytes", limit))
+        within(self.memory, limit, || {
+            LoadError::limit(place.clone(), "bytes decoded", self.memory, "memory_bytes", limit)
+        })
     }
 
     /// Memory that may still be used.
@@ -82,12 +84,21 @@ impl<'a> Context<'a> {
     }
 
     /// Counts vertices and triangles of a mesh that is about to be made, and the memory of its positions and indices.
-    pub(crate) fn count_mesh(&mut self, vertices: usize, triangles: usize, place: &Place) -> Result<(), LoadError> {
+    pub(crate) fn count_mesh(
+        &mut self,
+        vertices: usize,
+        triangles: usize,
+        place: &Place,
+    ) -> Result<(), LoadError> {
         self.vertices = self.vertices.saturating_add(vertices as u64);
         self.triangles = self.triangles.saturating_add(triangles as u64);
         let (v, t) = (self.limits.vertices, self.limits.triangles);
-        within(self.vertices, v, || LoadError::limit(place.clone(), "vertices", self.vertices, "vertices", v))?;
-        within(self.triangles, t, || LoadError::limit(place.clone(), "triangles", self.triangles, "triangles", t))?;
+        within(self.vertices, v, || {
+            LoadError::limit(place.clone(), "vertices", self.vertices, "vertices", v)
+        })?;
+        within(self.triangles, t, || {
+            LoadError::limit(place.clone(), "triangles", self.triangles, "triangles", t)
+        })?;
         self.charge_array(vertices, 12, place)?;
         self.charge_array(triangles, 12, place)
     }
@@ -122,7 +133,13 @@ impl<'a> Context<'a> {
         })?;
         let size = plain.len() as u64;
         within(size, limit, || {
-            LoadError::limit(Place::whole(file), "or more bytes after decompression", size, "file_bytes", limit)
+            LoadError::limit(
+                Place::whole(file),
+                "or more bytes after decompression",
+                size,
+                "file_bytes",
+                limit,
+            )
         })?;
         self.charge(size, &Place::whole(file))?;
         Ok(plain)

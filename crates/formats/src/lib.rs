@@ -147,7 +147,8 @@ impl Format {
             "obj" => return Ok(Self::Obj),
             _ if looks_like_obj(text) => return Ok(Self::Obj),
             _ => {
-                let problem = if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
+                let problem =
+                    if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
                 let hint = "give a glTF (.gltf, .glb), OBJ or PLY file";
                 return Err(LoadError::unsupported(Place::whole(file), problem, hint));
             }
@@ -159,7 +160,8 @@ impl Format {
 
 /// Whether the first statement is one that OBJ files start with.
 fn looks_like_obj(text: &[u8]) -> bool {
-    let statement = text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && l[0] != b'#');
+    let statement =
+        text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && l[0] != b'#');
     let word = statement.and_then(|l| l.split(u8::is_ascii_whitespace).next());
     matches!(word, Some(b"v" | b"vt" | b"vn" | b"o" | b"g" | b"mtllib" | b"usemtl"))
 }

@@ -135,7 +135,10 @@ impl<'l> Words<'l> {
         match self.word() {
             Some(word) => parse_f32(word).ok_or_else(|| {
                 let shown = String::from_utf8_lossy(word).into_owned();
-                self.error(format!("{what} is `{shown}`, which is not a number"), "write a number such as 1.5")
+                self.error(
+                    format!("{what} is `{shown}`, which is not a number"),
+                    "write a number such as 1.5",
+                )
             }),
             None => Err(self.error(format!("{what} is missing"), "write a number")),
         }
@@ -154,7 +157,8 @@ impl<'l> Words<'l> {
     /// An error at the last word taken.
     pub(crate) fn error(&self, problem: impl Into<String>, hint: impl Into<String>) -> LoadError {
         let length = self.position.saturating_sub(self.start);
-        LoadError::input(self.place(), problem, hint).with_snippet(Snippet::new(self.line, self.start, length))
+        LoadError::input(self.place(), problem, hint)
+            .with_snippet(Snippet::new(self.line, self.start, length))
     }
 }
 

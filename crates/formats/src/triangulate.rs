@@ -41,8 +41,7 @@ impl Triangulator {
         // Relative to a corner, so that small polygons far from the origin keep their precision.
         let origin = corners[0];
         let next = corners.iter().cycle().skip(1);
-        let normal: Vec3 =
-            corners.iter().zip(next).map(|(&a, &b)| (a - origin).cross(b - origin)).sum();
+        let normal: Vec3 = corners.iter().zip(next).map(|(&a, &b)| (a - origin).cross(b - origin)).sum();
         let size = normal.abs();
         let flip = |positive: bool, p: Vec2| if positive { p } else { Vec2::new(p.y, p.x) };
         self.flat.clear();
@@ -154,8 +153,22 @@ mod tests {
     fn concave_polygons_in_any_plane_keep_their_area_and_direction() {
         // A comb, whose teeth no fan can cut.
         let comb = [
-            (0., 0.), (7., 0.), (7., 3.), (6., 3.), (6., 1.), (5., 1.), (5., 3.), (4., 3.), (4., 1.), (3., 1.),
-            (3., 3.), (2., 3.), (2., 1.), (1., 1.), (1., 3.), (0., 3.),
+            (0., 0.),
+            (7., 0.),
+            (7., 3.),
+            (6., 3.),
+            (6., 1.),
+            (5., 1.),
+            (5., 3.),
+            (4., 3.),
+            (4., 1.),
+            (3., 1.),
+            (3., 3.),
+            (2., 3.),
+            (2., 1.),
+            (1., 1.),
+            (1., 3.),
+            (0., 3.),
         ];
         for axes in [[Vec3::X, Vec3::Y], [Vec3::Y, Vec3::X], [Vec3::Z, Vec3::Y], [Vec3::X, Vec3::Z]] {
             let polygon = comb.map(|(x, y)| Vec3::splat(100.0) + axes[0] * x + axes[1] * y);

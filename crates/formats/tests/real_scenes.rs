@@ -1,5 +1,10 @@
 //! Loads every real scene of the supported formats. The files lie where `HELIOSTAT_SCENES` points; without it these
 //! tests pass and say what did not run.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests say what they found and what did not run"
+)]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,7 +27,10 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for path in entries {
         if path.is_dir() {
             files(&path, found);
-        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz"].iter().any(|e| path.to_string_lossy().ends_with(e)) {
+        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz"]
+            .iter()
+            .any(|e| path.to_string_lossy().ends_with(e))
+        {
             found.push(path);
         }
     }

@@ -142,7 +142,12 @@ impl<'a> Loader<'a, '_> {
         LoadError::input(Place::json(self.file, format!("accessors[{index}]")), problem, hint)
     }
 
-    fn open(&self, index: usize, user: &str, shapes: &[&str]) -> Result<(&'a Accessor, Component), LoadError> {
+    fn open(
+        &self,
+        index: usize,
+        user: &str,
+        shapes: &[&str],
+    ) -> Result<(&'a Accessor, Component), LoadError> {
         let accessor = self.accessor(index, user)?;
         if !shapes.contains(&accessor.shape.as_str()) {
             let problem = format!("{user} refers to it, but `type` is {}", accessor.shape);
@@ -167,7 +172,13 @@ impl<'a> Loader<'a, '_> {
         let place = Place::json(self.file, format!("accessors[{index}]"));
         let limit = self.context.limits.vertices.saturating_mul(4);
         if accessor.count > limit {
-            return Err(LoadError::limit(place, "elements (four per vertex)", accessor.count, "vertices", limit));
+            return Err(LoadError::limit(
+                place,
+                "elements (four per vertex)",
+                accessor.count,
+                "vertices",
+                limit,
+            ));
         }
         let size = components(&accessor.shape).unwrap_or(1) * component.bytes();
         let elements = match accessor.buffer_view {
@@ -219,14 +230,19 @@ impl<'a> Loader<'a, '_> {
         let (bytes, stride) = self.view(view, &place_path(place))?;
         let stride = if tight { size as u64 } else { stride.unwrap_or(size as u64) };
         if stride < size as u64 {
-            let problem = format!("`byteStride` of bufferViews[{view}] is {stride}, an element has {size} bytes");
+            let problem =
+                format!("`byteStride` of bufferViews[{view}] is {stride}, an element has {size} bytes");
             return Err(LoadError::input(place.clone(), problem, "give a stride of at least an element"));
         }
         let last = count.saturating_sub(1).saturating_mul(stride).saturating_add(size as u64);
         let end = offset.saturating_add(if count == 0 { 0 } else { last });
         if end > bytes.len() as u64 {
             let problem = format!("{count} elements end at byte {end} of a view of {} bytes", bytes.len());
-            return Err(LoadError::input(place.clone(), problem, "correct `count`, `byteOffset` or the view"));
+            return Err(LoadError::input(
+                place.clone(),
+                problem,
+                "correct `count`, `byteOffset` or the view",
+            ));
         }
         Ok(Elements { bytes: &bytes[offset as usize..], stride: stride as usize, size })
     }

@@ -25,7 +25,11 @@ impl<'a> Glb<'a> {
     pub(super) fn parse(file: &Arc<str>, bytes: &'a [u8]) -> Result<Self, LoadError> {
         let word = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
         let truncated = |at: usize| {
-            LoadError::input(Place::byte(file, at), "the file ends here", "it may be truncated; fetch it again")
+            LoadError::input(
+                Place::byte(file, at),
+                "the file ends here",
+                "it may be truncated; fetch it again",
+            )
         };
         match word(4) {
             Some(2) => {}
@@ -38,7 +42,11 @@ impl<'a> Glb<'a> {
         let total = word(8).ok_or_else(|| truncated(bytes.len()))? as usize;
         if total > bytes.len() {
             let problem = format!("the header says {total} bytes, the file has {}", bytes.len());
-            return Err(LoadError::input(Place::byte(file, 8), problem, "it may be truncated; fetch it again"));
+            return Err(LoadError::input(
+                Place::byte(file, 8),
+                problem,
+                "it may be truncated; fetch it again",
+            ));
         }
         let bytes = &bytes[..total];
         let mut glb = Self { json: &[], binary: None };
@@ -92,13 +100,21 @@ pub(super) fn parse_document(
     let at = if path.is_empty() || path == "." { String::new() } else { format!("{path}: ") };
     let hint = if error.is_eof() { "the file may be truncated" } else { "correct the document" };
     if !is_text {
-        return Err(LoadError::input(Place::json(file, path), format!("the JSON is broken: {message}"), hint));
+        return Err(LoadError::input(
+            Place::json(file, path),
+            format!("the JSON is broken: {message}"),
+            hint,
+        ));
     }
     let (line, column) = (error.line(), error.column().max(1));
     let shown = text.split(|&b| b == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
     let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     let place = Place::text(file, number(line), number(column));
-    Err(LoadError::input(place, format!("{at}{message}"), hint).with_snippet(Snippet::new(shown, column - 1, 1)))
+    Err(LoadError::input(place, format!("{at}{message}"), hint).with_snippet(Snippet::new(
+        shown,
+        column - 1,
+        1,
+    )))
 }
 
 /// The buffers of a document, each at least as long as it says.
@@ -123,7 +139,8 @@ pub(super) fn read_buffers<'a>(
             }
         };
         if (bytes.len() as u64) < buffer.byte_length {
-            let problem = format!("`byteLength` is {}, the data has {} bytes", buffer.byte_length, bytes.len());
+            let problem =
+                format!("`byteLength` is {}, the data has {} bytes", buffer.byte_length, bytes.len());
             return Err(LoadError::input(place, problem, "the data may be truncated"));
         }
         buffers.push(bytes);
@@ -161,7 +178,8 @@ fn percent_decode(text: &str) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut at = 0;
     while at < bytes.len() {
-        let digits = bytes.get(at + 1..at + 3).filter(|d| bytes[at] == b'%' && d.iter().all(u8::is_ascii_hexdigit));
+        let digits =
+            bytes.get(at + 1..at + 3).filter(|d| bytes[at] == b'%' && d.iter().all(u8::is_ascii_hexdigit));
         let escaped = digits.and_then(|d| u8::from_str_radix(std::str::from_utf8(d).ok()?, 16).ok());
         out.push(escaped.unwrap_or(bytes[at]));
         at += if escaped.is_some() { 3 } else { 1 };

@@ -24,7 +24,8 @@ impl Loader<'_, '_> {
                 let user = format!("{path}.inverseBindMatrices");
                 let matrices = self.read_floats(accessor, &user, &["MAT4"], [0.0; 16])?;
                 if matrices.len() < definition.joints.len() {
-                    let problem = format!("{} matrices for {} joints", matrices.len(), definition.joints.len());
+                    let problem =
+                        format!("{} matrices for {} joints", matrices.len(), definition.joints.len());
                     return Err(LoadError::input(self.place(&user), problem, "give one matrix per joint"));
                 }
                 matrices.iter().map(|m| Affine3A::from_mat4(Mat4::from_cols_array(m))).collect()

@@ -38,7 +38,11 @@ impl Loader<'_, '_> {
             base_color_texture: self.texture(pbr.base_color_texture.as_ref(), Srgb, path)?,
             metallic: self.unit(pbr.metallic_factor, path, "metallicFactor"),
             roughness: self.unit(pbr.roughness_factor, path, "roughnessFactor"),
-            metallic_roughness_texture: self.texture(pbr.metallic_roughness_texture.as_ref(), Linear, path)?,
+            metallic_roughness_texture: self.texture(
+                pbr.metallic_roughness_texture.as_ref(),
+                Linear,
+                path,
+            )?,
             normal_texture: self.texture(definition.normal_texture.as_ref(), Linear, path)?,
             normal_scale: normal_scale(definition.normal_texture.as_ref()),
             emissive: self.positive(definition.emissive_factor, path, "emissiveFactor"),
@@ -90,7 +94,11 @@ impl Loader<'_, '_> {
                 material.ior = ior.ior;
             } else {
                 let message = format!("`ior` is {}", ior.ior);
-                self.context.warn(self.place(path), message, "1.5 was taken; give 0 or a value of at least 1");
+                self.context.warn(
+                    self.place(path),
+                    message,
+                    "1.5 was taken; give 0 or a value of at least 1",
+                );
             }
         }
         if let Some(old) = &extensions.specular_glossiness {
@@ -99,7 +107,8 @@ impl Loader<'_, '_> {
         if let Some(specular) = &extensions.specular {
             material.specular = self.unit(specular.specular_factor, path, "specularFactor");
             material.specular_texture = self.texture(specular.specular_texture.as_ref(), Linear, path)?;
-            material.specular_color = self.positive(specular.specular_color_factor, path, "specularColorFactor");
+            material.specular_color =
+                self.positive(specular.specular_color_factor, path, "specularColorFactor");
             material.specular_color_texture =
                 self.texture(specular.specular_color_texture.as_ref(), Srgb, path)?;
         }
@@ -181,7 +190,11 @@ impl Loader<'_, '_> {
         if vector.is_finite() && vector.min_element() >= 0.0 {
             return vector;
         }
-        self.context.warn(self.place(path), format!("`{name}` is {vector}"), "0 was taken where it is negative");
+        self.context.warn(
+            self.place(path),
+            format!("`{name}` is {vector}"),
+            "0 was taken where it is negative",
+        );
         Vec3::from_array(values.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 }))
     }
 }

@@ -92,21 +92,40 @@ impl Loader<'_, '_> {
             self.context.warn(self.place(path), message, "add positions");
             return Ok(None);
         };
-        let positions = self.read_floats(position, &format!("{path}.attributes.POSITION"), &["VEC3"], [0.0; 3])?;
+        let positions =
+            self.read_floats(position, &format!("{path}.attributes.POSITION"), &["VEC3"], [0.0; 3])?;
         let count = positions.len();
         let attributes = &primitive.attributes;
         let mut vertices = Vertices {
             positions: positions.into_iter().map(Vec3::from_array).collect(),
-            normals: self.attribute(attributes, "NORMAL", path, &["VEC3"], [0.0; 3], count, Vec3::from_array)?,
-            tangents: self.attribute(attributes, "TANGENT", path, &["VEC4"], [0.0; 4], count, Vec4::from_array)?,
+            normals: self.attribute(
+                attributes,
+                "NORMAL",
+                path,
+                &["VEC3"],
+                [0.0; 3],
+                count,
+                Vec3::from_array,
+            )?,
+            tangents: self.attribute(
+                attributes,
+                "TANGENT",
+                path,
+                &["VEC4"],
+                [0.0; 4],
+                count,
+                Vec4::from_array,
+            )?,
         };
         if vertices.normals.is_empty() {
             // Tangents without normals are to be ignored.
             vertices.tangents = Vec::new();
         }
-        let mut uv = |name| self.attribute(attributes, name, path, &["VEC2"], [0.0; 2], count, Vec2::from_array);
+        let mut uv =
+            |name| self.attribute(attributes, name, path, &["VEC2"], [0.0; 2], count, Vec2::from_array);
         let uvs = [uv("TEXCOORD_0")?, uv("TEXCOORD_1")?];
-        let to_color = |c: [f32; 4]| Vec4::from_array(c.map(|v| if v.is_nan() { 1.0 } else { v.clamp(0.0, 1.0) }));
+        let to_color =
+            |c: [f32; 4]| Vec4::from_array(c.map(|v| if v.is_nan() { 1.0 } else { v.clamp(0.0, 1.0) }));
         let colors =
             self.attribute(attributes, "COLOR_0", path, &["VEC3", "VEC4"], [1.0; 4], count, to_color)?;
         self.morph(primitive, path, weights, &mut vertices)?;
@@ -115,7 +134,14 @@ impl Loader<'_, '_> {
         }
         let indices = self.triangles(primitive, path, mode, count)?;
         let Vertices { positions, normals, tangents } = vertices;
-        Ok(Some(Mesh { positions: positions.into(), indices: indices.into(), normals, tangents, uvs, colors }))
+        Ok(Some(Mesh {
+            positions: positions.into(),
+            indices: indices.into(),
+            normals,
+            tangents,
+            uvs,
+            colors,
+        }))
     }
 
     /// An optional attribute with one element per vertex; empty if absent.

@@ -125,7 +125,11 @@ fn check_version(file: &Arc<str>, root: &Root) -> Result<(), LoadError> {
         Some(("2", minor)) if root.asset.min_version.is_none() || minor == "0" => Ok(()),
         _ if wanted.is_empty() => {
             let hint = "add `\"asset\": {\"version\": \"2.0\"}` if this is a glTF file";
-            Err(LoadError::input(Place::json(file, "asset.version"), "the document has no glTF version", hint))
+            Err(LoadError::input(
+                Place::json(file, "asset.version"),
+                "the document has no glTF version",
+                hint,
+            ))
         }
         _ => {
             let problem = format!("the document needs glTF version {wanted}");
@@ -150,7 +154,8 @@ const EXTENSIONS: [&str; 11] = [
 
 fn check_extensions(context: &mut Context<'_>, file: &Arc<str>, root: &Root) -> Result<(), LoadError> {
     let unknown = |name: &&String| !EXTENSIONS.contains(&name.as_str());
-    if let Some((number, name)) = root.extensions_required.iter().enumerate().find(|(_, name)| unknown(name)) {
+    if let Some((number, name)) = root.extensions_required.iter().enumerate().find(|(_, name)| unknown(name))
+    {
         let place = Place::json(file, format!("extensionsRequired[{number}]"));
         let hint = match name.as_str() {
             "KHR_draco_mesh_compression" | "EXT_meshopt_compression" => "export the file without compression",

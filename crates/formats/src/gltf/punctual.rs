@@ -24,7 +24,9 @@ impl Loader<'_, '_> {
         let path = format!("cameras[{index}]");
         let (projection, aspect) = match (&camera.perspective, &camera.orthographic) {
             (Some(p), _) => (Projection::Perspective { vertical_fov: p.yfov }, p.aspect_ratio),
-            (None, Some(o)) => (Projection::Orthographic { height: 2.0 * o.ymag.abs() }, Some(o.xmag / o.ymag)),
+            (None, Some(o)) => {
+                (Projection::Orthographic { height: 2.0 * o.ymag.abs() }, Some(o.xmag / o.ymag))
+            }
             (None, None) => {
                 let message = "the camera is neither perspective nor orthographic and was left out";
                 self.context.warn(self.place(&path), message, "");
@@ -43,7 +45,11 @@ impl Loader<'_, '_> {
         };
         if let Some(aspect) = aspect.filter(|a| a.is_finite() && *a > 0.0) {
             let message = format!("the camera is made for pictures {aspect:.3} times as wide as high");
-            self.context.note(self.place(&path), message, "the picture's own ratio counts; the height is kept");
+            self.context.note(
+                self.place(&path),
+                message,
+                "the picture's own ratio counts; the height is kept",
+            );
         }
         let name = camera.name.as_deref().or(node).map_or_else(|| format!("camera {index}"), str::to_owned);
         self.builder.camera(Camera { name, world_from_camera, projection, lens: None });
@@ -60,7 +66,8 @@ impl Loader<'_, '_> {
         let light = self.item(&self.root.extensions.lights.lights, "lights", index, user)?;
         let path = format!("extensions.KHR_lights_punctual.lights[{index}]");
         let Some(kind) = light_kind(light, world) else {
-            let message = format!("the light of type `{}` has values out of range and was left out", light.kind);
+            let message =
+                format!("the light of type `{}` has values out of range and was left out", light.kind);
             let hint = "types are point, spot and directional; give finite values of at least 0";
             self.context.warn(self.place(&path), message, hint);
             return Ok(());

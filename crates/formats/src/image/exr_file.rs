@@ -12,7 +12,12 @@ use crate::error::LoadError;
 use crate::limits::Limits;
 use crate::place::Place;
 
-pub(super) fn decode(file: &Arc<str>, bytes: &[u8], limits: &Limits, memory: u64) -> Result<Image, LoadError> {
+pub(super) fn decode(
+    file: &Arc<str>,
+    bytes: &[u8],
+    limits: &Limits,
+    memory: u64,
+) -> Result<Image, LoadError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| failed(file, &e))?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
@@ -60,9 +65,15 @@ fn rgba(file: &Arc<str>, layer: &Layer<AnyChannels<FlatSamples>>) -> Result<Imag
         let Some(channel) = source.map(|index| &list[index]) else { continue };
         if channel.sample_data.len() != width * height {
             let problem = format!("channel {} is subsampled", channel.name);
-            return Err(LoadError::unsupported(Place::whole(file), problem, "export full-resolution channels"));
+            return Err(LoadError::unsupported(
+                Place::whole(file),
+                problem,
+                "export full-resolution channels",
+            ));
         }
-        for (pixel, value) in pixels.as_chunks_mut::<4>().0.iter_mut().zip(channel.sample_data.values_as_f32()) {
+        for (pixel, value) in
+            pixels.as_chunks_mut::<4>().0.iter_mut().zip(channel.sample_data.values_as_f32())
+        {
             pixel[lane] = value;
         }
     }
@@ -76,6 +87,8 @@ fn failed(file: &Arc<str>, error: &exr::error::Error) -> LoadError {
             let hint = "convert the image to ZIP or PIZ compression with full-resolution channels";
             LoadError::unsupported(place, format!("EXR feature: {what}"), hint)
         }
-        other => LoadError::input(place, format!("the EXR data is broken: {other}"), "the file may be truncated"),
+        other => {
+            LoadError::input(place, format!("the EXR data is broken: {other}"), "the file may be truncated")
+        }
     }
 }

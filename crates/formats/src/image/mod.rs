@@ -80,7 +80,8 @@ fn recognise(file: &Arc<str>, bytes: &[u8]) -> Result<ImageFormat, LoadError> {
         [b'#', b'?', ..] => ImageFormat::Hdr,
         _ if extension.eq_ignore_ascii_case("tga") => ImageFormat::Tga,
         _ => {
-            let problem = if bytes.is_empty() { "the file is empty" } else { "this is no known image format" };
+            let problem =
+                if bytes.is_empty() { "the file is empty" } else { "this is no known image format" };
             let hint = "convert the image to PNG, JPEG, TGA, HDR or EXR";
             return Err(LoadError::unsupported(Place::whole(file), problem, hint));
         }
@@ -95,14 +96,26 @@ pub(crate) fn check_size(file: &Arc<str>, width: u64, height: u64, limits: &Limi
         return Err(LoadError::input(Place::whole(file), problem, "give it at least one pixel"));
     }
     if pixels > limits.image_pixels {
-        return Err(LoadError::limit(Place::whole(file), "pixels", pixels, "image_pixels", limits.image_pixels));
+        return Err(LoadError::limit(
+            Place::whole(file),
+            "pixels",
+            pixels,
+            "image_pixels",
+            limits.image_pixels,
+        ));
     }
     Ok(())
 }
 
 pub(crate) fn too_large(file: &Arc<str>, limits: &Limits) -> LoadError {
     let limit = limits.memory_bytes;
-    LoadError::limit(Place::whole(file), "or more bytes decoded with this image", limit, "memory_bytes", limit)
+    LoadError::limit(
+        Place::whole(file),
+        "or more bytes decoded with this image",
+        limit,
+        "memory_bytes",
+        limit,
+    )
 }
 
 fn broken(file: &Arc<str>, format: ImageFormat, error: &ImageError) -> LoadError {
@@ -116,7 +129,11 @@ fn broken(file: &Arc<str>, format: ImageFormat, error: &ImageError) -> LoadError
         ImageError::Unsupported(_) => {
             LoadError::unsupported(place, format!("{error}"), "convert the image to an ordinary PNG or JPEG")
         }
-        _ => LoadError::input(place, format!("the {kind} data is broken: {error}"), "the file may be truncated"),
+        _ => LoadError::input(
+            place,
+            format!("the {kind} data is broken: {error}"),
+            "the file may be truncated",
+        ),
     }
 }
 

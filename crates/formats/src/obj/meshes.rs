@@ -73,7 +73,9 @@ fn check_indices(file: &Arc<str>, bytes: &[u8], obj: &Obj) -> Result<(), LoadErr
     let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
     let beyond = |corner: &Corner| {
         let indices = [corner.position, corner.uv, corner.normal];
-        (0..3).find(|&i| indices[i] as usize >= counts[i] && (i == 0 || indices[i] != NONE)).map(|i| (i, indices[i]))
+        (0..3)
+            .find(|&i| indices[i] as usize >= counts[i] && (i == 0 || indices[i] != NONE))
+            .map(|i| (i, indices[i]))
     };
     let mut first = 0;
     for polygon in &obj.polygons {
@@ -81,7 +83,8 @@ fn check_indices(file: &Arc<str>, bytes: &[u8], obj: &Obj) -> Result<(), LoadErr
         first += polygon.corners as usize;
         if let Some((kind, index)) = corners.iter().find_map(beyond) {
             let what = ["vertex", "texture coordinate", "normal"][kind];
-            let problem = format!("the face refers to {what} {}, the file has {}", u64::from(index) + 1, counts[kind]);
+            let problem =
+                format!("the face refers to {what} {}, the file has {}", u64::from(index) + 1, counts[kind]);
             let error = LoadError::input(Place::text(file, polygon.line, 1), problem, "correct the index");
             let line = Lines::new(bytes).find(|line| line.number == polygon.line);
             return Err(match line {
@@ -135,6 +138,7 @@ fn smooth_normals(
             }
         }
     }
+    normals.values_mut().for_each(|normal: &mut Vec3| *normal = normal.normalize_or_zero());
     context.charge_array(normals.len(), 32, &Place::whole(file))?;
     Ok(normals)
 }

@@ -62,11 +62,7 @@ struct State {
 }
 
 impl Obj {
-    pub(super) fn parse(
-        context: &mut Context<'_>,
-        file: &Arc<str>,
-        bytes: &[u8],
-    ) -> Result<Self, LoadError> {
+    pub(super) fn parse(context: &mut Context<'_>, file: &Arc<str>, bytes: &[u8]) -> Result<Self, LoadError> {
         let mut obj = Self {
             positions: Vec::new(),
             colors: Vec::new(),

@@ -51,7 +51,8 @@ fn build(
 ) -> Result<Vec<Edit>, LoadError> {
     if mesh.indices.is_empty() {
         let points = mesh.positions.len();
-        let message = format!("the file is a point cloud: its {points} points have no faces and are not shown");
+        let message =
+            format!("the file is a point cloud: its {points} points have no faces and are not shown");
         context.warn(Place::whole(file), message, "give a file with faces or triangle strips");
         return Ok(Vec::new());
     }
@@ -205,7 +206,13 @@ impl Vertices {
         context.charge_array(count, bytes, &element.place)?;
         let limit = context.limits.vertices.min(context.memory_left() / 12);
         if element.count > limit {
-            return Err(LoadError::limit(element.place.clone(), "vertices", element.count, "vertices", limit));
+            return Err(LoadError::limit(
+                element.place.clone(),
+                "vertices",
+                element.count,
+                "vertices",
+                limit,
+            ));
         }
         self.positions.reserve_exact(count);
         self.normals.reserve_exact(if normals { count } else { 0 });

@@ -51,14 +51,19 @@ impl<'a> Ascii<'a> {
         let rest = &self.text[self.start..];
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         if length == 0 {
-            return Err(self.error("the file ends here, before all its elements".into(), "it may be truncated"));
+            return Err(
+                self.error("the file ends here, before all its elements".into(), "it may be truncated")
+            );
         }
         self.position += length;
         Ok(&rest[..length])
     }
 
     fn not_a(&self, what: &str, word: &[u8]) -> LoadError {
-        self.error(format!("`{}` is not {what}", String::from_utf8_lossy(&word[..word.len().min(40)])), "correct it")
+        self.error(
+            format!("`{}` is not {what}", String::from_utf8_lossy(&word[..word.len().min(40)])),
+            "correct it",
+        )
     }
 }
 
@@ -86,8 +91,11 @@ impl Values for Ascii<'_> {
         let rest = &self.text[self.line_start..];
         let line = &rest[..memchr::memchr(b'\n', rest).unwrap_or(rest.len())];
         let length = self.position.saturating_sub(self.start);
-        LoadError::input(Place::text(self.file, self.line, column), problem, hint)
-            .with_snippet(Snippet::new(line, self.start - self.line_start, length))
+        LoadError::input(Place::text(self.file, self.line, column), problem, hint).with_snippet(Snippet::new(
+            line,
+            self.start - self.line_start,
+            length,
+        ))
     }
 
     fn bytes_left(&self) -> usize {
@@ -112,7 +120,9 @@ impl<'a, const BIG: bool> Binary<'a, BIG> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], LoadError> {
         self.start = self.position;
         let Some(&bytes) = self.bytes[self.position..].first_chunk::<N>() else {
-            return Err(self.error("the file ends here, before all its elements".into(), "it may be truncated"));
+            return Err(
+                self.error("the file ends here, before all its elements".into(), "it may be truncated")
+            );
         };
         self.position += N;
         Ok(bytes)
