@@ -17,59 +17,31 @@
 //! Wavefront, "Advanced Visualizer: MTL material format", 1995. Walter, Marschner, Li, Torrance, "Microfacet Models
 //! for Refraction through Rough Surfaces", 2007, section 5 (Phong exponent and α).
 
-use std::collections::HashMap;
-use std::sync::Arc;
+use glam::{Vec3, Vec4};
+use heliostat_scene::{AlphaMode, Clearcoat, Material, SceneBuilder, Volume};
 
-use glam::{Vec2, Vec3, Vec4};
-use heliostat_scene::{
-    AlphaMode, Clearcoat, ColorSpace, Image, Material, SceneBuilder, Texture, TextureId, TextureRef,
-    UvTransform, Volume, Wrap,
-};
-
-use super::mtl::{Map, MapKind, Mtl};
+use super::maps::Maps;
+use super::mtl::{MapKind, Mtl};
 use crate::context::Context;
 use crate::error::LoadError;
-use crate::image::pixels;
-use crate::textures::{ImageFiles, or_placeholder};
-
-/// Converts materials; keeps what their textures share.
-#[derive(Default)]
-pub(super) struct Converter {
-    files: ImageFiles,
-    textures: HashMap<TextureKey, TextureId>,
-}
-
-/// What makes two textures the same.
-#[derive(PartialEq, Eq, Hash)]
-struct TextureKey {
-    files: Vec<String>,
-    use_: &'static str,
-    clamp: bool,
-    /// Bits of the bump strength.
-    strength: u32,
-}
 
 /// Reflectance of a dielectric of index 1.5 at normal incidence.
 const F0: f32 = 0.04;
 
-impl Converter {
-    pub(super) fn convert(
-        &mut self,
-        context: &mut Context<'_>,
-        builder: &mut SceneBuilder,
-        mtl: &Mtl,
-    ) -> Result<Material, LoadError> {
-        let mut material = Material { name: mtl.name.clone(), ..Material::default() };
-        material.base_color = base_color(context, mtl).extend(1.0);
-        material.emissive = mtl.emission.unwrap_or(Vec3::ZERO);
-        if mtl.map(MapKind::Emission).is_some() && material.emissive == Vec3::ZERO {
-            material.emissive = Vec3::ONE;
-        }
-        reflection(context, mtl, &mut material);
-        transparency(context, mtl, &mut material);
-        self.maps(context, builder, mtl, &mut material)?;
-        Ok(material)
+/// The material with its textures.
+pub(super) fn convert(
+    context: &mut Context<'_>,
+    builder: &mut SceneBuilder,
+    maps: &mut Maps,
+    mtl: &Mtl,
+) -> Result<Material, LoadError> {
+    let mut material = Material { name: mtl.name.clone(), ..Material::default() };
+    material.base_color = base_color(context, mtl).extend(1.0);
+    material.emissive = mtl.emission.unwrap_or(Vec3::ZERO);
+    if mtl.map(MapKind::Emission).is_some() && material.emissive == Vec3::ZERO {
+        material.emissive = Vec3::ONE;
     }
+<<<<<<< HEAD
 
     fn maps(
         &mut self,
@@ -110,37 +82,19 @@ impl Converter {
         }
         self.normal_map(context, builder, mtl, material)?;
         self.roughness_map(context, builder, mtl, material)
+=======
+    reflection(context, mtl, &mut material);
+    transparency(context, mtl, &mut material);
+    maps.apply(context, builder, mtl, &mut material)?;
+    // The maps multiply factors that such files leave out.
+    if mtl.map(MapKind::Roughness).is_some() && mtl.roughness.is_none() {
+        material.roughness = 1.0;
+>>>>>>> formats
     }
-
-    fn normal_map(
-        &mut self,
-        context: &mut Context<'_>,
-        builder: &mut SceneBuilder,
-        mtl: &Mtl,
-        material: &mut Material,
-    ) -> Result<(), LoadError> {
-        let Some((map, is_bump)) = mtl
-            .map(MapKind::Normal)
-            .map(|map| (map, false))
-            .or_else(|| mtl.map(MapKind::Bump).map(|map| (map, true)))
-        else {
-            return Ok(());
-        };
-        let flat = || Arc::new(Image::rgba8(1, 1, vec![128, 128, 255, 255]));
-        let make = |images: &[Option<Arc<Image>>]| {
-            Some(match &images[0] {
-                None => flat(),
-                Some(image) if is_bump && pixels::is_grey(image) => {
-                    Arc::new(pixels::normals_from_heights(image, map.bump))
-                }
-                Some(image) => image.clone(),
-            })
-        };
-        let use_ = if is_bump { "bump" } else { "normal" };
-        let id = self.texture(context, builder, &[map], use_, ColorSpace::Linear, make)?;
-        material.normal_texture = Some(reference(id, map));
-        Ok(())
+    if mtl.map(MapKind::Metallic).is_some() && mtl.metallic.is_none() {
+        material.metallic = 1.0;
     }
+<<<<<<< HEAD
 
     fn roughness_map(
         &mut self,
@@ -219,6 +173,9 @@ fn reference(texture: TextureId, map: &Map) -> TextureRef {
         UvTransform::new(Vec2::new(ou, 1.0 - sv - ov), 0.0, Vec2::new(su, sv))
     };
     TextureRef { texture, uv_set: 0, transform }
+=======
+    Ok(material)
+>>>>>>> formats
 }
 
 fn base_color(context: &mut Context<'_>, mtl: &Mtl) -> Vec3 {
@@ -258,8 +215,8 @@ fn reflection(context: &mut Context<'_>, mtl: &Mtl, material: &mut Material) {
             context.warn(mtl.place.clone(), message, "1.5 was taken; give an index of at least 1");
         }
     }
-    if mtl.roughness.is_some() || mtl.metallic.is_some() {
-        let unit = |value: f32| if value.is_nan() { 1.0 } else { value.clamp(0.0, 1.0) };
+    let is_pbr = mtl.map(MapKind::Roughness).or(mtl.map(MapKind::Metallic)).is_some();
+    if is_pbr || mtl.roughness.is_some() || mtl.metallic.is_some() {
         material.roughness = unit(mtl.roughness.unwrap_or(0.5));
         material.metallic = unit(mtl.metallic.unwrap_or(0.0));
     } else {
@@ -275,12 +232,17 @@ fn reflection(context: &mut Context<'_>, mtl: &Mtl, material: &mut Material) {
         material.clearcoat = Some(Clearcoat {
             factor: factor.min(1.0),
             texture: None,
-            roughness: mtl.clearcoat_roughness.unwrap_or(0.0).max(0.0).min(1.0),
+            roughness: unit(mtl.clearcoat_roughness.unwrap_or(0.0)),
             roughness_texture: None,
             normal_texture: None,
             normal_scale: 1.0,
         });
     }
+}
+
+/// Cut to the range 0 to 1; what is no number becomes 1.
+fn unit(value: f32) -> f32 {
+    if value.is_nan() { 1.0 } else { value.clamp(0.0, 1.0) }
 }
 
 /// Perceptual roughness, √α, of a Phong exponent.
@@ -290,7 +252,6 @@ fn roughness(exponent: f32) -> f32 {
 }
 
 fn transparency(context: &mut Context<'_>, mtl: &Mtl, material: &mut Material) {
-    let unit = |value: f32| if value.is_nan() { 1.0 } else { value.clamp(0.0, 1.0) };
     if is_glass(mtl) {
         let filter = mtl.filter.unwrap_or(Vec3::ONE);
         let hue = if filter.max_element() > 0.0 { filter / filter.max_element() } else { Vec3::ONE };
