@@ -52,7 +52,9 @@ pub(super) fn choose(arguments: &Arguments, scene: &Scene, aspect: f32) -> Resul
             (None, None) => return Err(empty()),
         },
     };
-    if let (Some(fov), Projection::Perspective { vertical_fov }) = (arguments.fov, &mut choice.camera.projection) {
+    if let (Some(fov), Projection::Perspective { vertical_fov }) =
+        (arguments.fov, &mut choice.camera.projection)
+    {
         *vertical_fov = fov;
     }
     Ok(choice)
@@ -86,12 +88,15 @@ fn framing(bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
     const MARGIN: f32 = 1.06;
     let center = bounds.center();
     let toward_eye = Vec3::new(0.62, 0.42, 1.0).normalize();
-    let axes = Camera::look_at("", center + toward_eye, center, Vec3::Y, vertical_fov).world_from_camera.matrix3;
+    let axes =
+        Camera::look_at("", center + toward_eye, center, Vec3::Y, vertical_fov).world_from_camera.matrix3;
     let slope = (0.5 * vertical_fov).tan();
     let half = 0.5 * (bounds.max - bounds.min);
     // A corner at (x, y, z) in camera axes around the centre needs |x| ≤ (d − z) · slope · aspect, and |y| likewise.
     let distance = (0..8)
-        .map(|i| Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -half[axis] } else { half[axis] })))
+        .map(|i| {
+            Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -half[axis] } else { half[axis] }))
+        })
         .map(|corner| axes.transpose() * corner)
         .map(|p| p.z + (p.x.abs() / aspect).max(p.y.abs()) / slope)
         .fold(0.0, f32::max);

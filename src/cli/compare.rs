@@ -45,7 +45,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match arguments.max_relmse {
         Some(maximum) if comparison.relmse > maximum => {
             let relmse = comparison.relmse;
-            Err(Failure::new(format!("the relative mean squared error is {relmse:.6}, the maximum is {maximum}")))
+            Err(Failure::new(format!(
+                "the relative mean squared error is {relmse:.6}, the maximum is {maximum}"
+            )))
         }
         _ => Ok(()),
     }

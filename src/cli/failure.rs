@@ -5,7 +5,9 @@ use std::process::ExitCode;
 use heliostat::compare::CompareError;
 use heliostat::formats::{LoadError, Spot};
 use heliostat::scene::{BackendError, EditError};
-use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
+use miette::{
+    Diagnostic, LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents,
+};
 
 /// What went wrong, what to do about it, and the text that caused it.
 #[derive(Debug, thiserror::Error)]

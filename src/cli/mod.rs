@@ -20,8 +20,6 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use failure::Failure;
-
 /// Real-time ray tracing and interactive global illumination.
 #[derive(Debug, Parser)]
 #[command(name = "heliostat", version, arg_required_else_help = false)]

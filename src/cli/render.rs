@@ -11,8 +11,8 @@ use heliostat::builtin;
 use heliostat::compare::Picture;
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::scene::{
-    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image, MaterialOverride,
-    Plane, Scene, SceneBuilder,
+    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image,
+    MaterialOverride, Plane, Scene, SceneBuilder,
 };
 use serde_json::{Value, json};
 

@@ -15,8 +15,10 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.json {
-        let list: Vec<_> =
-            builtin::names().iter().map(|(name, description)| json!({"name": name, "description": description})).collect();
+        let list: Vec<_> = builtin::names()
+            .iter()
+            .map(|(name, description)| json!({"name": name, "description": description}))
+            .collect();
         console::result(&serde_json::Value::from(list).to_string());
         return Ok(());
     }

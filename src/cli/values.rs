@@ -75,7 +75,8 @@ pub(super) fn angle(text: &str) -> Result<f32, String> {
 
 /// Frame numbers `A..B` (without B) or one number.
 pub(super) fn frames(text: &str) -> Result<Range<u32>, String> {
-    let form = || format!("`{text}` is not a range of frames; write FIRST..END, such as 0..24, or one number");
+    let form =
+        || format!("`{text}` is not a range of frames; write FIRST..END, such as 0..24, or one number");
     let number = |part: &str| part.trim().parse::<u32>().map_err(|_| form());
     let range = match text.split_once("..") {
         Some((first, end)) => number(first)?..number(end)?,
@@ -104,7 +105,9 @@ impl FromStr for Exposure {
             return Ok(Self::Auto);
         }
         let stops = text.parse::<f32>().ok().filter(|ev| (-60.0..=60.0).contains(ev));
-        stops.map(Self::Ev).ok_or_else(|| format!("`{text}` is not an exposure; give `auto` or stops from -60 to 60"))
+        stops
+            .map(Self::Ev)
+            .ok_or_else(|| format!("`{text}` is not an exposure; give `auto` or stops from -60 to 60"))
     }
 }
 

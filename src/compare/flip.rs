@@ -111,7 +111,9 @@ fn contrast_filter(width: usize, channel: &[f32], gaussians: &[(f32, f32)]) -> V
 /// Correlation with the separable kernel `along_x · along_y`; the border pixels continue outwards.
 fn convolve(width: usize, channel: &[f32], along_x: &[f32], along_y: &[f32]) -> Vec<f32> {
     let height = channel.len() / width.max(1);
-    let tap = |i: usize, k: usize, kernel: &[f32], count: usize| (i + k).saturating_sub(kernel.len() / 2).min(count - 1);
+    let tap = |i: usize, k: usize, kernel: &[f32], count: usize| {
+        (i + k).saturating_sub(kernel.len() / 2).min(count - 1)
+    };
     let mut rows = vec![0.0; channel.len()];
     for y in 0..height {
         let row = &channel[y * width..][..width];

@@ -63,7 +63,9 @@ pub enum CompareError {
         b: [u32; 2],
     },
     /// Linear radiance against 8 bits.
-    #[error("one picture holds linear radiance, the other is tone mapped; give two of a kind (.exr/.hdr, or .png)")]
+    #[error(
+        "one picture holds linear radiance, the other is tone mapped; give two of a kind (.exr/.hdr, or .png)"
+    )]
     Kind,
     /// A pixel that is no colour.
     #[error("pixel ({x}, {y}) of {picture} is not finite")]
@@ -106,7 +108,8 @@ impl Picture {
         }
         let (width, height) = (self.width as usize, self.height as usize);
         let reach = size as usize / 2;
-        let rows: Vec<DVec3> = self.color.chunks(width.max(1)).flat_map(|row| window_means(row, reach)).collect();
+        let rows: Vec<DVec3> =
+            self.color.chunks(width.max(1)).flat_map(|row| window_means(row, reach)).collect();
         let mut color = vec![Vec3::ZERO; self.color.len()];
         for x in 0..width {
             let column: Vec<Vec3> = (0..height).map(|y| rows[y * width + x].as_vec3()).collect();

@@ -39,11 +39,9 @@ fn triangles(scene: &Scene) -> usize {
 fn sizes_are_as_advertised() {
     let count = |name| triangles(&scene(name));
     assert_eq!(count("cornell"), 12 + 20);
-    for (name, range) in [
-        ("atrium", 50_000..300_000),
-        ("conference", 270_000..290_000),
-        ("conference-1", 270_000..290_000),
-    ] {
+    for (name, range) in
+        [("atrium", 50_000..300_000), ("conference", 270_000..290_000), ("conference-1", 270_000..290_000)]
+    {
         let triangles = count(name);
         assert!(range.contains(&triangles), "{name} has {triangles} triangles");
     }

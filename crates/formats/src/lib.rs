@@ -1,2 +1,178 @@
 //! File formats: bytes in, edits and diagnostics out.
+//!
+//! [`load`] reads a scene from a file, [`load_bytes`] from memory; [`image`] reads and writes pictures. The format is
+//! recognised by content first and by extension second.
+//!
+//! | format | what is read |
+//! |---|---|
+//! | glTF 2.0 (`.gltf`, `.glb`) | see [`gltf`](mod@crate::gltf) |
+//! | Wavefront OBJ with MTL (`.obj`) | see [`obj`](mod@crate::obj) |
+//! | Stanford PLY (`.ply`) | see [`ply`](mod@crate::ply) |
+//!
+//! OBJ and PLY may be compressed (`.gz`). Scenes keep the up axis of the file: all three formats have, or by custom
+//! have, +Y up.
+//!
+//! Nothing here panics on bad input or takes more than the [`Limits`] allow; the edits of a successful load are
+//! accepted by an empty `Scene`.
+//!
+//! ```
+//! use heliostat_formats::{Limits, NoFiles, load_bytes};
+//!
+//! let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+//! let loaded = load_bytes("triangle.obj", text, &NoFiles, &Limits::default())?;
+//! assert_eq!(loaded.diagnostics, []);
+//! let mut scene = heliostat_scene::Scene::default();
+//! scene.apply(&loaded.edits).unwrap();
+//! # Ok::<(), heliostat_formats::LoadError>(())
+//! ```
 #![forbid(unsafe_code)]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use heliostat_scene::{Edit, Material};
+
+mod context;
+mod diagnostic;
+mod error;
+pub mod gltf;
+pub mod image;
+mod limits;
+mod normals;
+pub mod obj;
+mod place;
+pub mod ply;
+mod source;
+mod text;
+mod textures;
+mod triangulate;
+
+use context::Context;
+
+pub use diagnostic::{Diagnostic, Severity};
+pub use error::{Details, LoadError};
+pub use limits::Limits;
+pub use place::{Place, Snippet, Spot};
+pub use source::{Directory, FileSource, Memory, NoFiles, SourceError};
+
+/// A scene as read from a file.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// What to apply to an empty scene. Handles count from 0 in each kind.
+    pub edits: Vec<Edit>,
+    /// What the user should know, in the order found.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// Reads a scene file and the files it refers to.
+///
+/// # Errors
+/// [`LoadError`] when the file cannot be read, is broken, exceeds a limit or needs something unsupported.
+pub fn load(path: &Path, limits: &Limits) -> Result<Loaded, LoadError> {
+    let name = path.display().to_string();
+    let file: Arc<str> = name.as_str().into();
+    let io_error = |source| LoadError::Io { place: Box::new(Place::whole(&file)), source };
+    let bytes = source::read_file(path, limits.file_bytes).map_err(|error| match error {
+        SourceError::TooLarge { limit } => {
+            let size = std::fs::metadata(path).map_or(limit, |m| m.len());
+            LoadError::limit(Place::whole(&file), "bytes", size, "file_bytes", limit)
+        }
+        SourceError::Io(source) => io_error(source),
+        SourceError::NotFound | SourceError::NoFiles => io_error(std::io::ErrorKind::NotFound.into()),
+    })?;
+    let directory = Directory(path.parent().unwrap_or(Path::new("")).to_path_buf());
+    load_bytes(&name, &bytes, &directory, limits)
+}
+
+/// Reads a scene from `bytes`; `name` serves to tell the format and to name the file in messages, `source` delivers
+/// the files it refers to.
+///
+/// # Errors
+/// As for [`load`].
+pub fn load_bytes(
+    name: &str,
+    bytes: &[u8],
+    source: &dyn FileSource,
+    limits: &Limits,
+) -> Result<Loaded, LoadError> {
+    let file: Arc<str> = name.into();
+    let mut context = Context::new(limits, source);
+    if bytes.len() as u64 > limits.file_bytes {
+        let size = bytes.len() as u64;
+        return Err(LoadError::limit(Place::whole(&file), "bytes", size, "file_bytes", limits.file_bytes));
+    }
+    context.charge(bytes.len() as u64, &Place::whole(&file))?;
+    let (bytes, name) = if bytes.starts_with(&[0x1F, 0x8B]) {
+        let plain = context.gunzip(&file, bytes)?;
+        (std::borrow::Cow::Owned(plain), name.strip_suffix(".gz").unwrap_or(name))
+    } else {
+        (std::borrow::Cow::Borrowed(bytes), name)
+    };
+    let edits = match Format::recognise(&file, name, &bytes)? {
+        Format::Glb | Format::Gltf => return Err(LoadError::unsupported(Place::whole(&file), "x", "y")),
+        Format::Obj => obj::load(&mut context, &file, &bytes)?,
+        Format::Ply => ply::load(&mut context, &file, &bytes)?,
+    };
+    Ok(Loaded { edits, diagnostics: context.finish(&file) })
+}
+
+/// The scene formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Glb,
+    Gltf,
+    Obj,
+    Ply,
+}
+
+impl Format {
+    /// By content; OBJ, which has no signature, also by extension.
+    fn recognise(file: &Arc<str>, name: &str, bytes: &[u8]) -> Result<Self, LoadError> {
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        if bytes.starts_with(b"glTF") {
+            return Ok(Self::Glb);
+        }
+        if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
+            return Ok(Self::Ply);
+        }
+        if text.starts_with(b"{") {
+            return Ok(Self::Gltf);
+        }
+        let extension = name.rsplit_once('.').map_or("", |(_, e)| e).to_ascii_lowercase();
+        let expected = match extension.as_str() {
+            "gltf" => "a JSON document, which starts with `{`",
+            "glb" => "binary glTF, which starts with `glTF`",
+            "ply" => "a PLY file, which starts with `ply`",
+            "obj" => return Ok(Self::Obj),
+            _ if looks_like_obj(text) => return Ok(Self::Obj),
+            _ => {
+                let problem =
+                    if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
+                let hint = "give a glTF (.gltf, .glb), OBJ or PLY file";
+                return Err(LoadError::unsupported(Place::whole(file), problem, hint));
+            }
+        };
+        let hint = "the file may be damaged or have the wrong extension";
+        Err(LoadError::input(Place::whole(file), format!("this is not {expected}"), hint))
+    }
+}
+
+/// Whether the first statement is one that OBJ files start with.
+fn looks_like_obj(text: &[u8]) -> bool {
+    let statement =
+        text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && l[0] != b'#');
+    let word = statement.and_then(|l| l.split(u8::is_ascii_whitespace).next());
+    matches!(word, Some(b"v" | b"vt" | b"vn" | b"o" | b"g" | b"mtllib" | b"usemtl"))
+}
+
+/// The name of a file without directories and extensions: what an object is called that has no other name.
+fn stem(file: &str) -> &str {
+    let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    let name = name.strip_suffix(".gz").unwrap_or(name);
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
+/// What surfaces without a material look like: a Lambertian that reflects half of the light.
+fn neutral_material(name: &str) -> Material {
+    Material::diffuse(name, glam::Vec3::splat(0.5))
+}

@@ -11,7 +11,7 @@ use crate::basis::Basis;
 use crate::color::luminance;
 use crate::fresnel::{dielectric, reflect, refract, schlick_weight};
 use crate::microfacet::{SMOOTH_ALPHA, density, masking, masking_shadowing, sample_visible, visible_density};
-use crate::sampling::cosine_hemisphere;
+use crate::sampling::{ONE_MINUS_EPSILON, cosine_hemisphere};
 
 /// A set of lobes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,11 +69,26 @@ impl Lobes {
         Self(self.0 | other.0)
     }
 
+    /// Whether light goes through the surface; for a single lobe.
+    fn transmits(self) -> bool {
+        matches!(self, Self::GLASS_TRANSMIT | Self::THIN_TRANSMIT)
+    }
+
     /// Each lobe of the set by itself.
     pub fn iter(self) -> impl Iterator<Item = Self> {
         Self::EACH.into_iter().filter(move |&lobe| self.contains(lobe))
     }
 }
+
+/// Lobes that are chosen together. The two of a solid's interface share one microfacet, whose Fresnel term decides
+/// between them: chosen one by one, refraction near the critical angle would have unbounded weights.
+const GROUPS: [Lobes; 5] = [
+    Lobes::DIFFUSE,
+    Lobes::SPECULAR,
+    Lobes::COAT,
+    Lobes::GLASS_REFLECT.union(Lobes::GLASS_TRANSMIT),
+    Lobes::THIN_TRANSMIT,
+];
 
 /// GGX reflection with Schlick's Fresnel term between `f0` and `f90`.
 #[derive(Clone, Copy, Debug)]
@@ -89,6 +104,8 @@ pub(crate) struct Glass {
     /// Index on the far side over that on `wo`'s side.
     pub(crate) eta: f32,
     pub(crate) alpha: f32,
+    /// Share of light that is reflected, over all microfacets.
+    pub(crate) reflectance: f32,
     /// Weight of reflected light, energy compensation included.
     pub(crate) reflect: Vec3,
     /// Weight of transmitted light, tint and energy compensation included.
@@ -118,8 +135,8 @@ pub struct Bsdf {
     pub(crate) thin: ThinTransmission,
     /// The lobes with any energy.
     pub(crate) lobes: Lobes,
-    /// Probability of choosing each lobe, in the order of [`Lobes::EACH`].
-    pub(crate) choice: [f32; 6],
+    /// Probability of choosing each group of lobes, in the order of [`GROUPS`].
+    pub(crate) choice: [f32; 5],
 }
 
 /// A sampled direction.
@@ -156,26 +173,18 @@ pub struct BsdfValue {
 impl Bsdf {
     /// Sets the lobes present and how often each is sampled: in proportion to the light it reflects.
     pub(crate) fn finish(mut self, specular_albedo: Vec3, coat_albedo: f32) -> Self {
-        let cos = self.basis.z.dot(self.wo).max(0.0);
-        let reflectance = if self.glass.eta > 0.0 { dielectric(cos, self.glass.eta) } else { 0.0 };
-        let albedos = [
-            self.diffuse,
-            specular_albedo,
-            Vec3::splat(coat_albedo),
-            self.glass.reflect * reflectance,
-            self.glass.transmit * (1.0 - reflectance),
-            self.thin.color,
-        ];
+        let albedos =
+            [self.diffuse, specular_albedo, Vec3::splat(coat_albedo), self.glass.albedo(), self.thin.color];
         let weights = albedos.map(luminance);
         let total: f32 = weights.iter().sum();
         self.lobes = Lobes::NONE;
-        self.choice = [0.0; 6];
+        self.choice = [0.0; 5];
         if total <= 0.0 {
             return self;
         }
-        for (i, lobe) in Lobes::EACH.into_iter().enumerate() {
+        for (i, group) in GROUPS.into_iter().enumerate() {
             if weights[i] > 0.0 {
-                self.lobes = self.lobes.union(lobe);
+                self.lobes = self.lobes.union(group);
                 // A floor keeps lobes whose estimate is far too low at some angle from becoming fireflies.
                 self.choice[i] = weights[i].max(0.02 * total);
             }
@@ -222,26 +231,32 @@ impl Bsdf {
         }
     }
 
+    /// Probability of each group when only `lobes` take part, and the sum before normalisation.
+    fn chances(&self, lobes: Lobes) -> ([f32; 5], f32) {
+        let mut chances = self.choice;
+        for (chance, group) in chances.iter_mut().zip(GROUPS) {
+            if lobes.intersection(group).is_empty() {
+                *chance = 0.0;
+            }
+        }
+        (chances, chances.iter().sum())
+    }
+
     /// f · |cos θi| of the chosen lobes for light from `wi`, and the density of sampling it from those lobes.
     pub fn evaluate(&self, wi: Vec3, lobes: Lobes) -> BsdfValue {
         let lobes = self.lobes.intersection(lobes);
+        let (chances, total) = self.chances(lobes);
         let above = self.ng.dot(wi) > 0.0;
         let mut value = BsdfValue::default();
-        let mut chance = 0.0;
-        for (i, lobe) in Lobes::EACH.into_iter().enumerate() {
-            if !lobes.contains(lobe) {
-                continue;
+        for (group, chance) in GROUPS.into_iter().zip(chances).filter(|(_, chance)| *chance > 0.0) {
+            for lobe in group.intersection(lobes).iter() {
+                if above == lobe.transmits() {
+                    continue;
+                }
+                let (f_cos, pdf) = self.lobe_value(lobe, lobes, wi);
+                value.f_cos += f_cos;
+                value.pdf += pdf * chance / total;
             }
-            chance += self.choice[i];
-            if above == matches!(lobe, Lobes::GLASS_TRANSMIT | Lobes::THIN_TRANSMIT) {
-                continue;
-            }
-            let (f_cos, pdf) = self.lobe_value(lobe, wi);
-            value.f_cos += f_cos;
-            value.pdf += self.choice[i] * pdf;
-        }
-        if chance > 0.0 {
-            value.pdf /= chance;
         }
         value
     }
@@ -249,36 +264,34 @@ impl Bsdf {
     /// Samples a direction from the chosen lobes. `None` when there are none or the sample is absorbed.
     pub fn sample(&self, u_lobe: f32, u: Vec2, lobes: Lobes) -> Option<BsdfSample> {
         let lobes = self.lobes.intersection(lobes);
-        let chance = |i: usize| if lobes.contains(Lobes::EACH[i]) { self.choice[i] } else { 0.0 };
-        let total: f32 = (0..6).map(chance).sum();
+        let (chances, total) = self.chances(lobes);
         let mut rest = u_lobe * total;
         let mut chosen = None;
-        for i in (0..6).filter(|&i| chance(i) > 0.0) {
-            chosen = Some(i);
-            rest -= chance(i);
+        for (group, chance) in GROUPS.into_iter().zip(chances).filter(|(_, chance)| *chance > 0.0) {
+            chosen = Some((group, chance, (rest / chance).clamp(0.0, ONE_MINUS_EPSILON)));
+            rest -= chance;
             if rest < 0.0 {
                 break;
             }
         }
-        let chosen = chosen?;
-        let lobe = Lobes::EACH[chosen];
-        let (wi, delta_weight) = self.lobe_sample(lobe, u)?;
-        let transmitted = matches!(lobe, Lobes::GLASS_TRANSMIT | Lobes::THIN_TRANSMIT);
+        let (group, chance, u_branch) = chosen?;
+        let (lobe, wi, delta_weight) = self.group_sample(group.intersection(lobes), u_branch, u)?;
+        let transmitted = lobe.transmits();
         if (self.ng.dot(wi) > 0.0) == transmitted {
             return None;
         }
         let alpha = self.alpha(lobe);
         if let Some(weight) = delta_weight {
-            let weight = weight * (total / chance(chosen));
-            return Some(BsdfSample { wi, weight, pdf: 0.0, alpha, transmitted });
+            return Some(BsdfSample { wi, weight: weight * (total / chance), pdf: 0.0, alpha, transmitted });
         }
         let value = self.evaluate(wi, lobes);
         let usable = value.pdf > 0.0 && value.pdf.is_finite();
         usable.then(|| BsdfSample { wi, weight: value.f_cos / value.pdf, pdf: value.pdf, alpha, transmitted })
     }
 
-    /// f · |cos θi| and pdf of one lobe; zero for smooth ones.
-    fn lobe_value(&self, lobe: Lobes, wi: Vec3) -> (Vec3, f32) {
+    /// f · |cos θi| of one lobe and the density of sampling it from its group within `lobes`; zero for smooth ones.
+    fn lobe_value(&self, lobe: Lobes, lobes: Lobes, wi: Vec3) -> (Vec3, f32) {
+        let both = lobes.contains(GROUPS[3]);
         match lobe {
             Lobes::DIFFUSE => {
                 let pdf = self.basis.z.dot(wi).max(0.0) * FRAC_1_PI;
@@ -286,22 +299,22 @@ impl Bsdf {
             }
             Lobes::SPECULAR => self.specular.value(&self.basis, self.wo, wi),
             Lobes::COAT => self.coat.value(&self.coat_basis, self.wo, wi),
-            Lobes::GLASS_REFLECT => self.glass.reflected_value(&self.basis, self.wo, wi),
-            Lobes::GLASS_TRANSMIT => self.glass.transmitted_value(&self.basis, self.wo, wi),
+            Lobes::GLASS_REFLECT => self.glass.reflected_value(&self.basis, self.wo, wi, both),
+            Lobes::GLASS_TRANSMIT => self.glass.transmitted_value(&self.basis, self.wo, wi, both),
             _ => self.thin.value(&self.basis, self.wo, wi),
         }
     }
 
-    /// A direction from one lobe; for smooth lobes also f · |cos θi| / pdf.
-    fn lobe_sample(&self, lobe: Lobes, u: Vec2) -> Option<(Vec3, Option<Vec3>)> {
-        match lobe {
-            Lobes::DIFFUSE => Some((self.basis.to_world(cosine_hemisphere(u)), None)),
-            Lobes::SPECULAR => Some(self.specular.sample(&self.basis, self.wo, u)),
-            Lobes::COAT => Some(self.coat.sample(&self.coat_basis, self.wo, u)),
-            Lobes::GLASS_REFLECT => Some(self.glass.sample_reflected(&self.basis, self.wo, u)),
-            Lobes::GLASS_TRANSMIT => self.glass.sample_transmitted(&self.basis, self.wo, u),
-            _ => Some(self.thin.sample(&self.basis, self.wo, u)),
-        }
+    /// A direction from one group: the lobe it came from and, for smooth lobes, f · |cos θi| / pdf.
+    fn group_sample(&self, lobes: Lobes, u_branch: f32, u: Vec2) -> Option<(Lobes, Vec3, Option<Vec3>)> {
+        let (lobe, (wi, weight)) = match lobes {
+            Lobes::DIFFUSE => (lobes, (self.basis.to_world(cosine_hemisphere(u)), None)),
+            Lobes::SPECULAR => (lobes, self.specular.sample(&self.basis, self.wo, u)),
+            Lobes::COAT => (lobes, self.coat.sample(&self.coat_basis, self.wo, u)),
+            Lobes::THIN_TRANSMIT => (lobes, self.thin.sample(&self.basis, self.wo, u)),
+            _ => self.glass.sample(&self.basis, self.wo, lobes, u_branch, u)?,
+        };
+        Some((lobe, wi, weight))
     }
 }
 
@@ -344,24 +357,22 @@ fn ggx_reflection(wo: Vec3, wi: Vec3, alpha: f32) -> (f32, f32, f32) {
 }
 
 impl Glass {
-    pub(crate) const NONE: Self = Self { eta: 0.0, alpha: 1.0, reflect: Vec3::ZERO, transmit: Vec3::ZERO };
+    pub(crate) const NONE: Self =
+        Self { eta: 0.0, alpha: 1.0, reflectance: 0.0, reflect: Vec3::ZERO, transmit: Vec3::ZERO };
 
-    fn reflected_value(&self, basis: &Basis, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
-        (self.reflect * (dielectric(cos, self.eta) * shape), pdf)
+    /// Light sent on in uniform white light.
+    pub(crate) fn albedo(&self) -> Vec3 {
+        self.transmit.lerp(self.reflect, self.reflectance)
     }
 
-    fn sample_reflected(&self, basis: &Basis, wo: Vec3, u: Vec2) -> (Vec3, Option<Vec3>) {
-        if self.alpha <= SMOOTH_ALPHA {
-            let reflectance = dielectric(basis.z.dot(wo).max(0.0), self.eta);
-            return (reflect(wo, basis.z), Some(self.reflect * reflectance));
-        }
-        let local = local_wo(basis, wo);
-        (basis.to_world(reflect(local, sample_visible(local, self.alpha, u))), None)
+    fn reflected_value(&self, basis: &Basis, wo: Vec3, wi: Vec3, both: bool) -> (Vec3, f32) {
+        let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
+        let reflectance = dielectric(cos, self.eta);
+        (self.reflect * (reflectance * shape), if both { pdf * reflectance } else { pdf })
     }
 
     /// Walter et al. 2007, equation 21, for radiance: divided by η² because beams spread as they refract.
-    fn transmitted_value(&self, basis: &Basis, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+    fn transmitted_value(&self, basis: &Basis, wo: Vec3, wi: Vec3, both: bool) -> (Vec3, f32) {
         let (wo, wi) = (local_wo(basis, wo), basis.to_local(wi));
         if wi.z >= 0.0 || self.alpha <= SMOOTH_ALPHA {
             return (Vec3::ZERO, 0.0);
@@ -373,22 +384,39 @@ impl Glass {
             return (Vec3::ZERO, 0.0);
         }
         let denominator = (cos_i + cos_o / self.eta).powi(2);
-        let jacobian = -cos_i / denominator;
-        let pdf = visible_density(wo, h, self.alpha) * jacobian;
+        let pdf = visible_density(wo, h, self.alpha) * -cos_i / denominator;
         let shadowing = masking(-wi.z, self.alpha);
         let transmittance = 1.0 - dielectric(cos_o, self.eta);
-        (self.transmit * (transmittance * shadowing * pdf / (self.eta * self.eta)), pdf)
+        let f_cos = self.transmit * (transmittance * shadowing * pdf / (self.eta * self.eta));
+        (f_cos, if both { pdf * transmittance } else { pdf })
     }
 
-    fn sample_transmitted(&self, basis: &Basis, wo: Vec3, u: Vec2) -> Option<(Vec3, Option<Vec3>)> {
-        if self.alpha <= SMOOTH_ALPHA {
-            let transmittance = 1.0 - dielectric(basis.z.dot(wo).max(0.0), self.eta);
-            let wi = refract(wo, basis.z, self.eta)?;
-            return Some((wi, Some(self.transmit * (transmittance / (self.eta * self.eta)))));
-        }
+    /// Samples a microfacet, then reflection or refraction by its Fresnel term, or the only one that is asked for.
+    fn sample(
+        &self,
+        basis: &Basis,
+        wo: Vec3,
+        lobes: Lobes,
+        u_branch: f32,
+        u: Vec2,
+    ) -> Option<(Lobes, (Vec3, Option<Vec3>))> {
+        let smooth = self.alpha <= SMOOTH_ALPHA;
         let local = local_wo(basis, wo);
-        let wi = refract(local, sample_visible(local, self.alpha, u), self.eta)?;
-        Some((basis.to_world(wi), None))
+        let h = if smooth { Vec3::Z } else { sample_visible(local, self.alpha, u) };
+        let reflectance = dielectric(local.dot(h).max(0.0), self.eta);
+        let both = lobes.contains(GROUPS[3]);
+        let reflects = if both { u_branch < reflectance } else { lobes == Lobes::GLASS_REFLECT };
+        if reflects {
+            let weight = if both { self.reflect } else { self.reflect * reflectance };
+            return Some((
+                Lobes::GLASS_REFLECT,
+                (basis.to_world(reflect(local, h)), smooth.then_some(weight)),
+            ));
+        }
+        let wi = refract(local, h, self.eta)?;
+        let weight = if both { self.transmit } else { self.transmit * (1.0 - reflectance) };
+        let weight = weight / (self.eta * self.eta);
+        Some((Lobes::GLASS_TRANSMIT, (basis.to_world(wi), smooth.then_some(weight))))
     }
 }
 

@@ -13,6 +13,8 @@ pub mod color;
 mod environment;
 mod filter;
 pub mod fresnel;
+#[cfg(test)]
+mod furnace;
 mod light;
 mod material;
 pub mod microfacet;

@@ -9,7 +9,7 @@ use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, Texture
 use crate::albedo::{InterfaceTables, reflection};
 use crate::basis::Basis;
 use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, ThinTransmission};
-use crate::fresnel::normal_incidence;
+use crate::fresnel::{dielectric, normal_incidence};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::texture::MipMap;
 
@@ -232,13 +232,17 @@ impl SurfaceMaterial {
             glass,
             thin: ThinTransmission { color: (sheet - clear) / (kept.x + kept.y).max(1e-3), alpha },
             lobes: Lobes::NONE,
-            choice: [0.0; 6],
+            choice: [0.0; 5],
         };
         Appearance {
             bsdf: bsdf.finish(specular_albedo, coat.albedo),
             coverage,
             through: Vec3::splat(1.0 - coverage) + clear * coverage,
-            albedo: diffuse + specular_albedo + coat.albedo + (glass.reflect + glass.transmit) * 0.5 + sheet,
+            albedo: diffuse
+                + specular_albedo
+                + coat.albedo
+                + glass.reflect.lerp(glass.transmit, 1.0 - glass.reflectance)
+                + sheet,
         }
     }
 
@@ -249,9 +253,15 @@ impl SurfaceMaterial {
         let (eta, table) = if front { (ior, &tables.entering) } else { (1.0 / ior, &tables.leaving) };
         // Without a step of the index nothing bends, however rough.
         let alpha = if (ior - 1.0).abs() < 1e-3 { 0.0 } else { alpha };
-        let kept = if alpha <= SMOOTH_ALPHA { 1.0 } else { table.lookup(cos, alpha).element_sum().max(1e-3) };
+        let (reflectance, kept) = if alpha <= SMOOTH_ALPHA {
+            (dielectric(cos, eta), 1.0)
+        } else {
+            let split = table.lookup(cos, alpha);
+            let kept = split.element_sum().max(1e-3);
+            (split.x / kept, kept)
+        };
         let weight = Vec3::splat(weight / kept);
-        Glass { eta, alpha, reflect: weight, transmit: base * weight }
+        Glass { eta, alpha, reflectance, reflect: weight, transmit: base * weight }
     }
 
     fn coat_layer(&self, at: &TextureCoordinates, geometry: &LobeGeometry) -> Coat {

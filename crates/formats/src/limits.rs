@@ -1,0 +1,41 @@
+//! How large a file may be, so that a hostile one cannot exhaust the machine.
+
+/// Limits on what a load may take. The defaults let scenes of tens of millions of triangles through.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes of one file, also after decompression. Default 4 GiB.
+    pub file_bytes: u64,
+    /// Bytes of all files read and of all data decoded from them, summed over the load. Default 16 GiB. Growing
+    /// arrays may momentarily hold twice what is counted.
+    pub memory_bytes: u64,
+    /// Vertices of all meshes. Default 500 million.
+    pub vertices: u64,
+    /// Triangles of all meshes, each mesh once however often it is instanced. Default 500 million.
+    pub triangles: u64,
+    /// Pixels of one image. Default 2²⁸ (16,384 × 16,384).
+    pub image_pixels: u64,
+    /// Nodes of a scene hierarchy. Default 4 million.
+    pub nodes: u64,
+    /// Levels of a scene hierarchy. Default 1,024.
+    pub nesting: u64,
+    /// Materials and textures. Default 1 million.
+    pub materials: u64,
+    /// Diagnostics kept; how many more there were is said in one further note. Default 100.
+    pub diagnostics: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            file_bytes: 4 << 30,
+            memory_bytes: 16 << 30,
+            vertices: 500_000_000,
+            triangles: 500_000_000,
+            image_pixels: 1 << 28,
+            nodes: 4_000_000,
+            nesting: 1024,
+            materials: 1_000_000,
+            diagnostics: 100,
+        }
+    }
+}

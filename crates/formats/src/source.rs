@@ -1,0 +1,129 @@
+//! Where the files come from that a scene file refers to.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Delivers the files that a scene file refers to: buffers, images, material libraries.
+pub trait FileSource {
+    /// Reads the file called `relative`: a path relative to the scene file, with forward slashes and without
+    /// percent escapes. At most `max_bytes` bytes may be returned.
+    ///
+    /// # Errors
+    /// [`SourceError`] when there is no such file, it is too large or cannot be read.
+    fn read(&self, relative: &str, max_bytes: u64) -> Result<Vec<u8>, SourceError>;
+}
+
+/// Why a [`FileSource`] did not deliver.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// There is no such file.
+    #[error("there is no such file")]
+    NotFound,
+    /// This source has no files at all.
+    #[error("other files cannot be read from here")]
+    NoFiles,
+    /// The file is larger than asked for.
+    #[error("the file has more than {limit} bytes, which is what the limits leave")]
+    TooLarge {
+        /// In bytes.
+        limit: u64,
+    },
+    /// The operating system's reason.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+/// The directory a scene file lies in. References may leave it by `..`, as they do in files from the wild;
+/// absolute paths are looked up by their last component only. A name that does not exist is tried again without
+/// regard to case, then by its last component in the directory itself.
+#[derive(Clone, Debug)]
+pub struct Directory(pub PathBuf);
+
+/// Files in memory by relative path: for uploads, archives and tests.
+#[derive(Clone, Debug, Default)]
+pub struct Memory(pub BTreeMap<String, Vec<u8>>);
+
+/// No files: everything must be embedded.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoFiles;
+
+impl FileSource for NoFiles {
+    fn read(&self, _: &str, _: u64) -> Result<Vec<u8>, SourceError> {
+        Err(SourceError::NoFiles)
+    }
+}
+
+impl FileSource for Memory {
+    fn read(&self, relative: &str, max_bytes: u64) -> Result<Vec<u8>, SourceError> {
+        let wanted = relative.trim_start_matches("./");
+        let same = |name: &&String| name.eq_ignore_ascii_case(wanted);
+        let exact = self.0.get(relative).or_else(|| self.0.get(wanted));
+        let bytes = exact.or_else(|| self.0.get(self.0.keys().find(same)?)).ok_or(SourceError::NotFound)?;
+        if bytes.len() as u64 > max_bytes {
+            return Err(SourceError::TooLarge { limit: max_bytes });
+        }
+        Ok(bytes.clone())
+    }
+}
+
+impl FileSource for Directory {
+    fn read(&self, relative: &str, max_bytes: u64) -> Result<Vec<u8>, SourceError> {
+        let path = self.find(relative).ok_or(SourceError::NotFound)?;
+        read_file(&path, max_bytes)
+    }
+}
+
+impl Directory {
+    fn find(&self, relative: &str) -> Option<PathBuf> {
+        let absolute = relative.starts_with('/') || relative.as_bytes().get(1) == Some(&b':');
+        let as_written = if absolute { None } else { self.find_below(relative) };
+        as_written.or_else(|| self.find_below(relative.rsplit('/').next()?))
+    }
+
+    /// Follows `relative` from the directory, each component exactly or else without regard to case.
+    fn find_below(&self, relative: &str) -> Option<PathBuf> {
+        let exact = self.0.join(relative);
+        if exact.is_file() {
+            return Some(exact);
+        }
+        let mut path = self.0.clone();
+        for component in relative.split('/').filter(|c| !c.is_empty() && *c != ".") {
+            let next = path.join(component);
+            path = if next.exists() { next } else { entry_ignoring_case(&path, component)? };
+        }
+        path.is_file().then_some(path)
+    }
+}
+
+/// The entry of `directory` whose name differs from `wanted` in case only; the first by name, if there are several.
+fn entry_ignoring_case(directory: &Path, wanted: &str) -> Option<PathBuf> {
+    let listable = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
+    let same = |path: &PathBuf| {
+        path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.to_lowercase() == wanted.to_lowercase())
+    };
+    std::fs::read_dir(listable).ok()?.filter_map(|entry| Some(entry.ok()?.path())).filter(same).min()
+}
+
+/// Reads a regular file of at most `max_bytes` bytes.
+pub(crate) fn read_file(path: &Path, max_bytes: u64) -> Result<Vec<u8>, SourceError> {
+    let file = File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => SourceError::NotFound,
+        _ => SourceError::Io(error),
+    })?;
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
+        return Err(io::Error::other("this is not a regular file").into());
+    }
+    if metadata.len() > max_bytes {
+        return Err(SourceError::TooLarge { limit: max_bytes });
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).unwrap_or(0).saturating_add(1));
+    file.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(SourceError::TooLarge { limit: max_bytes });
+    }
+    Ok(bytes)
+}

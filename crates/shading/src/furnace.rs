@@ -1,0 +1,170 @@
+//! White furnace: in uniform light of radiance one, a surface that absorbs nothing must be invisible.
+
+use std::collections::BTreeMap;
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3, Vec4};
+use heliostat_scene::{Clearcoat, Material, MaterialId, Volume};
+
+use crate::basis::Basis;
+use crate::bsdf::{Bsdf, Lobes};
+use crate::material::{InterfaceCache, LobeGeometry, SurfaceMaterial, TextureCoordinates};
+use crate::microfacet::SMOOTH_ALPHA;
+use crate::sampling::uniform_sphere;
+
+const ROUGHNESSES: [f32; 8] = [0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0];
+const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
+/// Energy may be off by this much: interpolation of the albedo tables, and sampling noise.
+const TOLERANCE: f32 = 0.005;
+
+fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Bsdf {
+    let material = SurfaceMaterial::new(MaterialId(0), &Arc::new(material.clone()), &BTreeMap::new(), cache);
+    let basis = Basis::from_normal(Vec3::Z);
+    let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    let at = TextureCoordinates { color: Vec4::ONE, ..TextureCoordinates::default() };
+    let geometry = LobeGeometry { basis, coat_basis: basis, ng: Vec3::Z, wo, front };
+    material.appearance(&at, &geometry).bsdf
+}
+
+/// Low-discrepancy points of the unit cube.
+fn points(n: u32) -> impl Iterator<Item = (f32, Vec2)> {
+    (0..n).map(|i| {
+        let [a, b, c, _] = sobol_burley::sample_4d(i % (1 << 16), 0, i >> 16);
+        (a, Vec2::new(b, c))
+    })
+}
+
+/// Radiance scattered towards `wo` in the furnace, by sampling. Refraction squeezes radiance by η²; a furnace inside
+/// the solid would be brighter by as much, so it is taken out.
+fn furnace_by_sampling(bsdf: &Bsdf, n: u32) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    for (u_lobe, u) in points(n) {
+        if let Some(sample) = bsdf.sample(u_lobe, u, Lobes::ALL) {
+            let eta = if sample.transmitted { bsdf.transmitted_eta() } else { 1.0 };
+            sum += sample.weight * (eta * eta);
+        }
+    }
+    sum / n as f32
+}
+
+/// The same by evaluating the scattering function at uniform directions; not for smooth lobes.
+fn furnace_by_quadrature(bsdf: &Bsdf, n: u32) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    for (_, u) in points(n) {
+        let wi = uniform_sphere(u);
+        let eta = if wi.z < 0.0 { bsdf.transmitted_eta() } else { 1.0 };
+        sum += bsdf.evaluate(wi, Lobes::ALL).f_cos * (eta * eta);
+    }
+    sum * (4.0 * PI / n as f32)
+}
+
+/// White materials that absorb nothing, at a roughness.
+fn white_materials(roughness: f32) -> Vec<(&'static str, Material, bool)> {
+    let plastic = Material::plastic("", Vec3::ONE, roughness);
+    let glass = Material { roughness, ..Material::glass("", 1.5) };
+    let dense = Material { roughness, ..Material::glass("", 2.4) };
+    let thin = Material { transmission: 1.0, ..plastic.clone() };
+    let coat = Clearcoat {
+        factor: 1.0,
+        texture: None,
+        roughness,
+        roughness_texture: None,
+        normal_texture: None,
+        normal_scale: 1.0,
+    };
+    let coated = Material { clearcoat: Some(coat.clone()), ..Material::diffuse("", Vec3::ONE) };
+    let mixed = Material {
+        metallic: 0.3,
+        transmission: 0.4,
+        volume: Some(Volume::default()),
+        clearcoat: Some(Clearcoat { factor: 0.5, roughness: 0.6, ..coat }),
+        ..plastic.clone()
+    };
+    vec![
+        ("diffuse", Material::diffuse("", Vec3::ONE), true),
+        ("metal", Material::metal("", Vec3::ONE, roughness), true),
+        ("plastic", plastic, true),
+        ("glass from outside", glass.clone(), true),
+        ("glass from inside", glass, false),
+        ("diamond from outside", dense.clone(), true),
+        ("diamond from inside", dense, false),
+        ("thin sheet", thin, true),
+        ("clear coat", coated, true),
+        ("all mixed", mixed, true),
+    ]
+}
+
+#[test]
+fn white_furnace_of_every_lobe_and_roughness() {
+    let mut cache = InterfaceCache::new();
+    let mut failures = Vec::new();
+    for roughness in ROUGHNESSES {
+        for (name, material, front) in white_materials(roughness) {
+            for cos in COSINES {
+                let bsdf = bsdf(&material, cos, front, &mut cache);
+                let mut energy = furnace_by_sampling(&bsdf, 1 << 14);
+                // A smooth clear sheet is no lobe: its light passes straight through.
+                if name == "thin sheet" && roughness * roughness <= SMOOTH_ALPHA {
+                    let reflected = crate::fresnel::schlick_weight(cos);
+                    energy += 1.0 - (0.04 + 0.96 * reflected);
+                }
+                if (energy - 1.0).abs().max_element() > TOLERANCE {
+                    failures.push(format!("{name}, roughness {roughness}, cos {cos}: {energy}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{} failures:\n{}", failures.len(), failures.join("\n"));
+}
+
+#[test]
+fn evaluation_agrees_with_sampling() {
+    let mut cache = InterfaceCache::new();
+    for roughness in [0.4, 0.7, 1.0] {
+        for (name, material, front) in white_materials(roughness) {
+            for cos in [0.3, 0.9] {
+                let bsdf = bsdf(&material, cos, front, &mut cache);
+                let sampled = furnace_by_sampling(&bsdf, 1 << 15);
+                let integrated = furnace_by_quadrature(&bsdf, 1 << 17);
+                // Uniform directions meet the narrowest lobe here about a thousand times.
+                let error = (sampled - integrated).abs().max_element();
+                assert!(
+                    error < 0.02,
+                    "{name}, roughness {roughness}, cos {cos}: {sampled} against {integrated}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn sampled_directions_follow_their_density() {
+    const BINS: usize = 8;
+    let mut cache = InterfaceCache::new();
+    let bin = |w: Vec3| {
+        let z = ((0.5 * (w.z + 1.0) * BINS as f32) as usize).min(BINS - 1);
+        let phi = (((w.y.atan2(w.x) / TAU + 1.0).fract() * BINS as f32) as usize).min(BINS - 1);
+        z * BINS + phi
+    };
+    for (name, material, front) in white_materials(0.6) {
+        let bsdf = bsdf(&material, 0.6, front, &mut cache);
+        let mut sampled = [0.0; BINS * BINS];
+        let mut expected = [0.0; BINS * BINS];
+        let n = 1 << 16;
+        for (u_lobe, u) in points(n) {
+            if let Some(sample) = bsdf.sample(u_lobe, u, Lobes::ALL) {
+                sampled[bin(sample.wi)] += 1.0 / n as f32;
+            }
+        }
+        let quadrature = 4 * n;
+        for (_, u) in points(quadrature) {
+            let wi = uniform_sphere(u);
+            expected[bin(wi)] += bsdf.evaluate(wi, Lobes::ALL).pdf * 4.0 * PI / quadrature as f32;
+        }
+        for i in 0..BINS * BINS {
+            let (s, e) = (sampled[i], expected[i]);
+            assert!((s - e).abs() < 0.003 + 0.02 * e, "{name}, bin {i}: sampled {s}, density {e}");
+        }
+    }
+}
