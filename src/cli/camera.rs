@@ -10,6 +10,7 @@ use super::values;
 const DEFAULT_FOV: f32 = 0.7;
 
 #[derive(Debug, clap::Args)]
+#[group(skip)]
 pub(super) struct Arguments {
     /// One of the scene's cameras, by name or by number from 0
     #[arg(long, value_name = "NAME|INDEX", conflicts_with_all = ["eye", "target"])]

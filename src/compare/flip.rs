@@ -188,3 +188,50 @@ fn lab(rgb: Vec3) -> Vec3 {
 pub(super) fn srgb_decode(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 96;
+    const HEIGHT: usize = 64;
+
+    /// Linear colours of an 8-bit picture given by a formula.
+    fn picture(bytes: impl Fn(usize, usize) -> [usize; 3]) -> Vec<Vec3> {
+        let linear = |v: usize| srgb_decode(v as f32 / 255.0);
+        (0..WIDTH * HEIGHT).map(|i| Vec3::from_array(bytes(i % WIDTH, i / WIDTH).map(linear))).collect()
+    }
+
+    #[test]
+    fn agrees_with_the_authors_implementation() {
+        // The figures come from the authors' package flip-evaluator 1.7 on the same two pairs of pictures.
+        let ground = |x: usize, y: usize| [(x * 2) % 256, (y * 4) % 256, (x * y / 8) % 256];
+        let shifted = |x: usize, y: usize| {
+            let [r, g, b] = ground(x, y);
+            let shift = if (x / 8 + y / 8) % 2 == 1 { 40 } else { 0 };
+            [(r + shift).min(255), g, b.saturating_sub(shift)]
+        };
+        let ramp = |x: usize, _: usize| [60 + x; 3];
+        let noisy = |x: usize, y: usize| {
+            let v = 60 + x;
+            let noise = (x * 7919 + y * 104_729) % 61;
+            [(v + noise).saturating_sub(30), v, if x == 48 || y == 32 { 255 } else { v }]
+        };
+        for (test, reference, expected) in [
+            (picture(shifted), picture(ground), 0.256_326),
+            (picture(noisy), picture(ramp), 0.118_629),
+        ] {
+            let error = flip(WIDTH, &test, &reference);
+            // Single precision and the order of sums.
+            assert!((error - expected).abs() < 2e-4, "{error} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn equal_pictures_do_not_differ_and_opposite_ones_do() {
+        let black = vec![Vec3::ZERO; 400];
+        let white = vec![Vec3::ONE; 400];
+        assert_eq!(flip(20, &white, &white), 0.0);
+        assert!(flip(20, &white, &black) > 0.9);
+    }
+}
