@@ -3,8 +3,8 @@
 use glam::{Affine3A, Vec3};
 use heliostat_scene::{Camera, Edit, Material, Mesh, SceneBuilder};
 
-/// The measured box in metres. Reflectances are the usual RGB fits of the measured spectra; the lamp's radiance is
-/// warm white.
+/// The measured box in metres. Reflectances are the usual RGB fits of the measured spectra; the lamp is as yellowish as
+/// the measured one, and as bright as suits an exposure of 0.
 ///
 /// # References
 /// Goral, Torrance, Greenberg, Battaile, "Modeling the interaction of light between diffuse surfaces", 1984; Cornell
@@ -14,7 +14,7 @@ pub(crate) fn build() -> Vec<Edit> {
     let white = builder.material(Material::diffuse("white", Vec3::new(0.725, 0.71, 0.68)));
     let red = builder.material(Material::diffuse("red", Vec3::new(0.63, 0.065, 0.05)));
     let green = builder.material(Material::diffuse("green", Vec3::new(0.14, 0.45, 0.091)));
-    let lamp = builder.material(Material::emitter("lamp", Vec3::new(17.0, 12.0, 4.0)));
+    let lamp = builder.material(Material::emitter("lamp", Vec3::new(36.0, 28.0, 14.0)));
 
     let walls = [
         ("floor", [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]], white),

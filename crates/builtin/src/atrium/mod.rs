@@ -98,7 +98,7 @@ pub(crate) fn build() -> Vec<Edit> {
     dressing::build(&mut builder, &palette);
 
     builder.environment(sky::clear(1.25));
-    builder.light(sky::sun(Vec3::new(0.38, -1.0, 0.46), 8.0));
+    builder.light(sky::sun(Vec3::new(0.38, -1.0, 0.46), 6.5));
 
     let eye = Vec3::new(-13.6, 1.9, -1.7);
     builder.camera(Camera::look_at("nave", eye, Vec3::new(3.0, 3.35, 0.55), Vec3::Y, 1.05));

@@ -1,4 +1,5 @@
 <<<<<<< HEAD
+<<<<<<< HEAD
 
 =======
 //! Tests of the OBJ importer.
@@ -305,3 +306,6 @@ fn limits_hold() {
     assert_eq!(loaded.diagnostics.len(), 32);
 }
 >>>>>>> formats
+=======
+
+>>>>>>> command

@@ -1,0 +1,127 @@
+//! `heliostat info`: what was read.
+
+use heliostat::formats::{Diagnostic, Severity};
+use heliostat::scene::{Camera, Environment, LightKind, Projection, Scene};
+use serde_json::{Value, json};
+
+use super::failure::Failure;
+use super::statistics::{Statistics, image_bytes};
+use super::{console, input};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// A file or the name of a built-in scene
+    scene: String,
+    /// Write everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let source = input::scene(&arguments.scene)?;
+    let mut scene = Scene::default();
+    scene.apply(&source.edits)?;
+    let text = if arguments.json {
+        json(&arguments.scene, &scene, &source.diagnostics).to_string()
+    } else {
+        table(&scene, &source.diagnostics)
+    };
+    console::result(&text);
+    Ok(())
+}
+
+fn json(name: &str, scene: &Scene, diagnostics: &[Diagnostic]) -> Value {
+    let s = Statistics::of(scene);
+    let bounds = scene.bounds().map(|b| json!({"min": b.min.to_array(), "max": b.max.to_array()}));
+    let textures = scene.textures().values().map(|t| {
+        json!({"name": t.name, "width": t.image.width, "height": t.image.height, "bytes": image_bytes(&t.image)})
+    });
+    let lights =
+        scene.lights().values().map(|light| json!({"name": light.name, "kind": light_kind(&light.kind)}));
+    let cameras = scene.cameras().values().map(|camera| {
+        let eye = camera.world_from_camera.translation.to_array();
+        json!({"name": camera.name, "projection": projection(camera), "eye": eye})
+    });
+    let diagnostics = diagnostics.iter().map(|d| {
+        json!({
+            "severity": d.severity.to_string(), "place": d.place.to_string(), "message": d.message, "hint": d.hint,
+        })
+    });
+    json!({
+        "scene": name,
+        "triangles": s.triangles,
+        "instanced_triangles": s.instanced_triangles,
+        "vertices": s.vertices,
+        "geometries": scene.geometries().len(),
+        "objects": scene.objects().len(),
+        "instances": scene.instances().len(),
+        "depth": s.depth,
+        "materials": scene.materials().len(),
+        "textures": textures.collect::<Vec<_>>(),
+        "texture_bytes": s.texture_bytes,
+        "lights": lights.collect::<Vec<_>>(),
+        "emissive_triangles": s.emissive_triangles,
+        "environment": environment(scene.environment()),
+        "bounds": bounds,
+        "cameras": cameras.collect::<Vec<_>>(),
+        "diagnostics": diagnostics.collect::<Vec<_>>(),
+    })
+}
+
+fn table(scene: &Scene, diagnostics: &[Diagnostic]) -> String {
+    let s = Statistics::of(scene);
+    let mut lines = vec![
+        format!("triangles     {} ({} with instances)", s.triangles, s.instanced_triangles),
+        format!("vertices      {}", s.vertices),
+        format!("objects       {}", scene.objects().len()),
+        format!("instances     {}, {} deep", scene.instances().len(), s.depth),
+        format!("materials     {}", scene.materials().len()),
+        format!("textures      {} ({:.1} MB)", scene.textures().len(), s.texture_bytes as f64 * 1e-6),
+        format!("lights        {} and {} emissive triangles", scene.lights().len(), s.emissive_triangles),
+        format!("environment   {}", environment(scene.environment())),
+    ];
+    let point = |p: glam::Vec3| format!("{:.3} {:.3} {:.3}", p.x, p.y, p.z);
+    lines.push(match scene.bounds() {
+        Some(b) => format!("bounds        {}  to  {}", point(b.min), point(b.max)),
+        None => "bounds        none: nothing is visible".into(),
+    });
+    for (i, camera) in scene.cameras().values().enumerate() {
+        let eye = point(camera.world_from_camera.translation.into());
+        lines.push(format!("camera {i:<6} {}, {}, at {eye}", quoted(&camera.name), projection(camera)));
+    }
+    for light in scene.lights().values() {
+        lines.push(format!("light         {}, {}", quoted(&light.name), light_kind(&light.kind)));
+    }
+    let warnings = diagnostics.iter().filter(|d| d.severity >= Severity::Warning).count();
+    lines.push(format!("remarks       {warnings} warnings, {} notes", diagnostics.len() - warnings));
+    lines.extend(diagnostics.iter().map(|d| format!("  {d}")));
+    lines.join("\n")
+}
+
+fn quoted(name: &str) -> String {
+    if name.is_empty() { "(no name)".into() } else { format!("`{name}`") }
+}
+
+fn light_kind(kind: &LightKind) -> &'static str {
+    match kind {
+        LightKind::Point { .. } => "point",
+        LightKind::Spot { .. } => "spot",
+        LightKind::Directional { .. } => "directional",
+    }
+}
+
+fn projection(camera: &Camera) -> String {
+    match camera.projection {
+        Projection::Perspective { vertical_fov } => format!("perspective {:.1}°", vertical_fov.to_degrees()),
+        Projection::Orthographic { height } => format!("orthographic {height} m"),
+        Projection::Panoramic => "panoramic".into(),
+    }
+}
+
+fn environment(environment: &Environment) -> String {
+    match environment {
+        Environment::None => "none".into(),
+        Environment::Constant(radiance) => format!("constant {radiance}"),
+        Environment::Map(map) => format!("map {}×{}", map.image.width, map.image.height),
+    }
+}

@@ -1,0 +1,62 @@
+//! Reads what the command line names: scenes and pictures.
+
+use std::path::Path;
+
+use heliostat::builtin;
+use heliostat::formats::{Diagnostic, Limits, Severity, image, load};
+use heliostat::scene::{Edit, Image};
+
+use super::console;
+use super::failure::Failure;
+
+/// A scene as named on the command line.
+pub(super) struct Source {
+    pub(super) edits: Vec<Edit>,
+    pub(super) diagnostics: Vec<Diagnostic>,
+}
+
+/// Reads a scene: a built-in one by its name, else a file.
+///
+/// # Errors
+/// When there is neither, or the file cannot be loaded.
+pub(super) fn scene(name: &str) -> Result<Source, Failure> {
+    if let Some(edits) = builtin::build(name) {
+        return Ok(Source { edits, diagnostics: Vec::new() });
+    }
+    let path = Path::new(name).to_path_buf();
+    if !path.exists() {
+        let names: Vec<_> = builtin::names().iter().map(|(name, _)| *name).collect();
+        return Err(Failure::new(format!("there is no file `{name}` and no built-in scene of that name"))
+            .with_help(format!("the built-in scenes are {}", names.join(", "))));
+    }
+    let loaded = console::with_progress("loading", move |_| Ok(load(&path, &Limits::default())?))?;
+    Ok(Source { edits: loaded.edits, diagnostics: loaded.diagnostics })
+}
+
+/// Writes what the loader has to say to stderr.
+pub(super) fn show(diagnostics: &[Diagnostic]) {
+    for diagnostic in diagnostics.iter().filter(|d| d.severity >= Severity::Warning) {
+        console::message(&diagnostic.to_string());
+    }
+    let notes = diagnostics.iter().filter(|d| d.severity < Severity::Warning).count();
+    if notes > 0 {
+        console::message(&format!("note: {notes} further remarks on the file; `heliostat info` shows them"));
+    }
+}
+
+/// Reads a picture.
+///
+/// # Errors
+/// When the file cannot be read or decoded.
+pub(super) fn picture(path: &Path) -> Result<Image, Failure> {
+    let name = path.display().to_string();
+    let limits = Limits::default();
+    let cannot_read = |error| Failure::new(format!("{name}: cannot be read: {error}"));
+    let size = std::fs::metadata(path).map_err(cannot_read)?.len();
+    if size > limits.file_bytes {
+        let limit = limits.file_bytes;
+        return Err(Failure::new(format!("{name}: {size} bytes, the limit is {limit}")));
+    }
+    let bytes = std::fs::read(path).map_err(cannot_read)?;
+    Ok(image::decode(&name, &bytes, &limits)?)
+}

@@ -1,0 +1,297 @@
+//! `heliostat render`: from a scene to a picture file.
+
+use std::num::NonZeroUsize;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::ValueEnum;
+use glam::{Mat3, Vec3};
+use heliostat::builtin;
+use heliostat::compare::Picture;
+use heliostat::engine::{Engine, EngineOptions};
+use heliostat::scene::{
+    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image,
+    MaterialOverride, Plane, Scene, SceneBuilder,
+};
+use serde_json::{Value, json};
+
+use super::failure::Failure;
+use super::values::{self, Exposure, Size, Surroundings};
+use super::{camera, console, input, output};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// A file or the name of a built-in scene
+    #[arg(default_value = "atrium")]
+    scene: String,
+    /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance
+    #[arg(short, long, value_name = "FILE")]
+    output: output::Target,
+    /// How light is computed
+    #[arg(long, default_value = "path")]
+    renderer: Renderer,
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x768")]
+    size: Size,
+    /// Samples per pixel [default: 64 for path, 16 for direct]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    spp: Option<u32>,
+    #[command(flatten)]
+    camera: camera::Arguments,
+    /// Frames FIRST..END (END not included); several are numbered files
+    #[arg(long, value_name = "A..B", value_parser = values::frames, default_value = "0")]
+    frames: Range<u32>,
+    /// Threads to work with [default: one per core]; the picture does not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+    /// Another seed gives other noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u32,
+    /// Stops by which a .png is brightened, or `auto`
+    #[arg(long, value_name = "EV", default_value = "auto", allow_hyphen_values = true)]
+    exposure: Exposure,
+    /// Auxiliary planes: into the same file for .exr, else beside it as FILE.NAME.png
+    #[arg(long, value_name = "NAME", value_enum, num_args = 1.., value_delimiter = ',')]
+    aov: Vec<Aov>,
+    /// Longest path in edges: 1 is emission alone, 2 adds direct light, and so on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    max_depth: Option<u32>,
+    /// Reconstruction filter
+    #[arg(long, default_value = "box")]
+    filter: FilterName,
+    /// Constant light on every surface, for the renderer `direct`
+    #[arg(long, value_name = "R,G,B", value_parser = values::color, default_value = "0")]
+    ambient: Vec3,
+    /// Show materials as they are, or all as diffuse
+    #[arg(long, default_value = "as-is")]
+    materials: Materials,
+    /// Replaces the scene's environment: a picture, a colour, or `none`
+    #[arg(long, value_name = "FILE|R,G,B|none", allow_hyphen_values = true)]
+    environment: Option<Surroundings>,
+    /// Leave a scene without any light dark
+    #[arg(long)]
+    no_default_light: bool,
+    /// Write a report as JSON, one line per frame
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Renderer {
+    /// Reference path tracer: all light, unbiased
+    Path,
+    /// Classical recursive ray tracer: direct light, mirrors, glass
+    Direct,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FilterName {
+    Box,
+    Tent,
+    Gaussian,
+    BlackmanHarris,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Materials {
+    AsIs,
+    Diffuse,
+}
+
+/// A plane, by the name that the scene crate gives it.
+#[derive(Clone, Copy, Debug)]
+struct Aov(Plane);
+
+impl ValueEnum for Aov {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [Aov; Plane::ALL.len()] = {
+            let mut all = [Aov(Plane::Depth); Plane::ALL.len()];
+            let mut i = 0;
+            while i < all.len() {
+                all[i] = Aov(Plane::ALL[i]);
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        Some(self.0.name().into())
+    }
+}
+
+impl Renderer {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Path => "path",
+            Self::Direct => "direct",
+        }
+    }
+
+    fn default_samples(self) -> u32 {
+        match self {
+            Self::Path => 64,
+            Self::Direct => 16,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.output.check()?;
+    let source = input::scene(&arguments.scene)?;
+    input::show(&source.diagnostics);
+    let mut edits = source.edits;
+    edits.extend(environment(arguments.environment.as_ref())?);
+    let mut scene = Scene::default();
+    scene.apply(&edits)?;
+    if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
+        edits.extend(default_light(&scene));
+        note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
+    }
+    let aspect = arguments.size.width as f32 / arguments.size.height as f32;
+    let choice = camera::choose(&arguments.camera, &scene, aspect)?;
+    if let Some(text) = &choice.note {
+        note(text);
+    }
+    if arguments.frames.len() > 1 {
+        note("nothing moves yet: the frames differ in their noise alone");
+    }
+
+    let options = EngineOptions { threads: arguments.threads };
+    let (mut engine, applied) = console::with_progress("building", move |progress| {
+        let mut engine = Engine::new(options)?;
+        let applied = engine.apply(&edits, progress)?;
+        Ok((engine, applied))
+    })?;
+    for warning in &applied.warnings {
+        console::message(&format!("warning: {warning}"));
+    }
+    let mut request = request(arguments, choice.camera);
+    for number in arguments.frames.clone() {
+        request.frame = number;
+        let (asked, frame);
+        (engine, asked, frame) = console::with_progress("rendering", move |progress| {
+            let frame = engine.render(&request, progress)?;
+            Ok((engine, request, frame))
+        })?;
+        request = asked;
+        finish(arguments, &request, &applied, &frame)?;
+    }
+    Ok(())
+}
+
+fn note(text: &str) {
+    console::message(&format!("note: {text}"));
+}
+
+fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequest {
+    FrameRequest {
+        renderer: arguments.renderer.name().into(),
+        samples: arguments.spp.unwrap_or(arguments.renderer.default_samples()),
+        max_depth: arguments.max_depth,
+        seed: arguments.seed,
+        filter: match arguments.filter {
+            FilterName::Box => Filter::Box,
+            FilterName::Tent => Filter::Tent,
+            FilterName::Gaussian => Filter::Gaussian(0.5),
+            FilterName::BlackmanHarris => Filter::BlackmanHarris,
+        },
+        ambient: arguments.ambient,
+        materials: match arguments.materials {
+            Materials::AsIs => MaterialOverride::None,
+            Materials::Diffuse => MaterialOverride::Diffuse,
+        },
+        planes: arguments.aov.iter().map(|aov| aov.0).collect(),
+        ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)
+    }
+}
+
+/// The edit that replaces the environment, if one is asked for.
+fn environment(surroundings: Option<&Surroundings>) -> Result<Option<Edit>, Failure> {
+    Ok(match surroundings {
+        None => None,
+        Some(Surroundings::None) => Some(Edit::Environment(Environment::None)),
+        Some(Surroundings::Constant(radiance)) => Some(Edit::Environment(Environment::Constant(*radiance))),
+        Some(Surroundings::File(path)) => Some(Edit::Environment(environment_map(path)?)),
+    })
+}
+
+/// 8-bit pictures are decoded from sRGB; float pictures are radiance as they are.
+fn environment_map(path: &Path) -> Result<Environment, Failure> {
+    let picture = Picture::from_image(&input::picture(path)?);
+    let pixels = picture.color.iter().flat_map(|c| [c.x, c.y, c.z, 1.0]).collect();
+    Ok(Environment::Map(EnvironmentMap {
+        image: Arc::new(Image::rgba_f32(picture.width, picture.height, pixels)),
+        scale: Vec3::ONE,
+        world_from_environment: Mat3::IDENTITY,
+    }))
+}
+
+fn default_light(scene: &Scene) -> Vec<Edit> {
+    let mut builder = SceneBuilder::continuing(scene);
+    builtin::default_light(&mut builder);
+    builder.finish()
+}
+
+/// Writes one finished frame and says what it took.
+fn finish(
+    arguments: &Arguments,
+    request: &FrameRequest,
+    applied: &ApplyReport,
+    frame: &Frame,
+) -> Result<(), Failure> {
+    let target = match arguments.frames.len() {
+        1 => arguments.output.clone(),
+        _ => arguments.output.numbered(request.frame),
+    };
+    let (files, ev) = target.write(frame, arguments.exposure)?;
+    let seconds = frame.stats.milliseconds * 1e-3;
+    let mrays = if seconds > 0.0 { frame.stats.rays as f64 * 1e-6 / seconds } else { 0.0 };
+    let exposure = ev.map_or(String::new(), |ev| format!(", exposure {ev:+.2} EV"));
+    let names: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
+    console::message(&format!(
+        "wrote {}: {}×{}, {} samples, {seconds:.2} s, {mrays:.2} Mray/s{exposure}",
+        names.join(", "),
+        frame.width,
+        frame.height,
+        request.samples
+    ));
+    if arguments.json {
+        let report = json!({
+            "scene": arguments.scene,
+            "files": names,
+            "renderer": request.renderer,
+            "width": frame.width,
+            "height": frame.height,
+            "samples": request.samples,
+            "seed": request.seed,
+            "frame": request.frame,
+            "milliseconds": frame.stats.milliseconds,
+            "rays": frame.stats.rays,
+            "mrays_per_second": mrays,
+            "exposure": ev,
+            "apply": apply_report(applied),
+        });
+        console::result(&report.to_string());
+    }
+    Ok(())
+}
+
+fn apply_report(applied: &ApplyReport) -> Value {
+    let rebuilt = applied.rebuilt.iter().map(|r| {
+        json!({
+            "what": r.what,
+            "cause": r.cause.to_string(),
+            "reason": format!("{:?}", r.reason),
+            "primitives": r.primitives,
+            "milliseconds": r.milliseconds,
+        })
+    });
+    json!({
+        "milliseconds": applied.milliseconds,
+        "rebuilt": rebuilt.collect::<Vec<_>>(),
+        "warnings": applied.warnings,
+    })
+}

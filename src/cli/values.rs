@@ -1,0 +1,177 @@
+//! Values on the command line: sizes, vectors, ranges, exposures.
+
+use std::ops::Range;
+use std::str::FromStr;
+
+use glam::Vec3;
+
+/// Most pixels along one edge, and in one picture.
+const MAX_EDGE: u32 = 1 << 16;
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// A picture's size, `WxH`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Size {
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = || format!("`{text}` is not a size; write WIDTHxHEIGHT in pixels, such as 1024x768");
+        let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(form)?;
+        let [width, height] = [width, height].map(|n| n.trim().parse::<u64>());
+        let (width, height) = (width.map_err(|_| form())?, height.map_err(|_| form())?);
+        let edge = u64::from(MAX_EDGE);
+        if width == 0 || height == 0 {
+            return Err(format!("{width}×{height} has no pixels"));
+        }
+        if width > edge || height > edge || width * height > MAX_PIXELS {
+            return Err(format!(
+                "{width}×{height} is too large; the limit is {MAX_EDGE} pixels along an edge and {MAX_PIXELS} in all"
+            ));
+        }
+        Ok(Self { width: width as u32, height: height as u32 })
+    }
+}
+
+/// `X,Y,Z`, finite.
+pub(super) fn vector(text: &str) -> Result<Vec3, String> {
+    match &numbers(text)?[..] {
+        &[x, y, z] => Ok(Vec3::new(x, y, z)),
+        _ => Err(format!("`{text}` is not a vector; write three numbers X,Y,Z")),
+    }
+}
+
+/// `R,G,B` or one number for all three, finite and at least 0.
+pub(super) fn color(text: &str) -> Result<Vec3, String> {
+    let color = match &numbers(text)?[..] {
+        &[grey] => Vec3::splat(grey),
+        &[r, g, b] => Vec3::new(r, g, b),
+        _ => return Err(format!("`{text}` is not a colour; write R,G,B or one number")),
+    };
+    if color.min_element() < 0.0 {
+        return Err(format!("`{text}` is negative; give values of at least 0"));
+    }
+    Ok(color)
+}
+
+fn numbers(text: &str) -> Result<Vec<f32>, String> {
+    let parse = |part: &str| {
+        let number = part.trim().parse::<f32>().ok().filter(|n| n.is_finite());
+        number.ok_or_else(|| format!("`{part}` in `{text}` is not a finite number"))
+    };
+    text.split(',').map(parse).collect()
+}
+
+/// A full angle in degrees between 0 and 180, as radians.
+pub(super) fn angle(text: &str) -> Result<f32, String> {
+    let degrees = text.parse::<f32>().ok().filter(|d| (0.01..=179.0).contains(d));
+    let problem = || format!("`{text}` is not a field of view; give degrees from 0.01 to 179");
+    degrees.map(f32::to_radians).ok_or_else(problem)
+}
+
+/// Frame numbers `A..B` (without B) or one number.
+pub(super) fn frames(text: &str) -> Result<Range<u32>, String> {
+    let form =
+        || format!("`{text}` is not a range of frames; write FIRST..END, such as 0..24, or one number");
+    let number = |part: &str| part.trim().parse::<u32>().map_err(|_| form());
+    let range = match text.split_once("..") {
+        Some((first, end)) => number(first)?..number(end)?,
+        None => number(text)?..number(text)?.saturating_add(1),
+    };
+    if range.is_empty() {
+        return Err(format!("`{text}` holds no frame; the end is not part of the range"));
+    }
+    Ok(range)
+}
+
+/// How bright an 8-bit picture is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Exposure {
+    /// As suits the picture.
+    Auto,
+    /// Stops.
+    Ev(f32),
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let stops = text.parse::<f32>().ok().filter(|ev| (-60.0..=60.0).contains(ev));
+        stops
+            .map(Self::Ev)
+            .ok_or_else(|| format!("`{text}` is not an exposure; give `auto` or stops from -60 to 60"))
+    }
+}
+
+/// What surrounds the scene instead of its own environment.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Surroundings {
+    None,
+    Constant(Vec3),
+    File(std::path::PathBuf),
+}
+
+impl FromStr for Surroundings {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "none" {
+            return Ok(Self::None);
+        }
+        // What starts like a number and is no file must be a colour, so that its errors are about colours.
+        let numeric = text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+        if numeric && !std::path::Path::new(text).exists() {
+            return color(text).map(Self::Constant);
+        }
+        Ok(Self::File(text.into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes() {
+        assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
+        assert!("0x4".parse::<Size>().unwrap_err().contains("no pixels"));
+        assert!("640".parse::<Size>().unwrap_err().contains("WIDTHxHEIGHT"));
+        let error = "1000000x1000000".parse::<Size>().unwrap_err();
+        assert!(error.contains("65536") && error.contains("268435456"), "{error}");
+    }
+
+    #[test]
+    fn vectors_and_colors() {
+        assert_eq!(vector("-1,2.5,3e1"), Ok(Vec3::new(-1.0, 2.5, 30.0)));
+        assert!(vector("1,2").is_err() && vector("1,2,nan").is_err());
+        assert_eq!(color("0.5"), Ok(Vec3::splat(0.5)));
+        assert!(color("1,-1,0").is_err());
+    }
+
+    #[test]
+    fn ranges_and_exposures() {
+        assert_eq!(frames("3..5"), Ok(3..5));
+        assert_eq!(frames("7"), Ok(7..8));
+        assert!(frames("5..5").is_err() && frames("x").is_err());
+        assert_eq!("-1.5".parse(), Ok(Exposure::Ev(-1.5)));
+        assert_eq!("auto".parse(), Ok(Exposure::Auto));
+        assert!("bright".parse::<Exposure>().is_err());
+        assert!(angle("180").is_err());
+    }
+
+    #[test]
+    fn surroundings() {
+        assert_eq!("none".parse(), Ok(Surroundings::None));
+        assert_eq!("0.2,0.3,1".parse(), Ok(Surroundings::Constant(Vec3::new(0.2, 0.3, 1.0))));
+        assert_eq!("sky.hdr".parse(), Ok(Surroundings::File("sky.hdr".into())));
+        assert!("1,2".parse::<Surroundings>().is_err());
+    }
+}

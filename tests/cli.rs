@@ -1,0 +1,205 @@
+//! The command line end to end: exit codes, messages, files, and that a picture does not depend on threads.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// A folder of this test's own, emptied.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Runs the command in a folder with arguments separated by spaces.
+fn heliostat(folder: &Path, arguments: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_heliostat"));
+    command.args(arguments.split_whitespace()).current_dir(folder).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// Exit code, with the messages shown when it is not the expected one.
+fn expect_code(output: &Output, code: i32) {
+    assert_eq!(output.status.code(), Some(code), "{}\n{}", stdout(output), stderr(output));
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn help_and_lists() {
+    let folder = folder("help");
+    let help = heliostat(&folder, "--help");
+    expect_code(&help, 0);
+    for command in ["render", "info", "compare", "scenes", "view", "serve"] {
+        assert!(stdout(&help).contains(command), "{command}");
+    }
+    expect_code(&heliostat(&folder, "--version"), 0);
+    let scenes = heliostat(&folder, "scenes");
+    expect_code(&scenes, 0);
+    assert!(stdout(&scenes).contains("atrium") && stdout(&scenes).contains("cornell"));
+    let scenes: Value = serde_json::from_str(&stdout(&heliostat(&folder, "scenes --json"))).unwrap();
+    assert!(scenes.as_array().unwrap().len() >= 4);
+}
+
+#[test]
+fn the_viewer_says_that_it_is_missing() {
+    let folder = folder("view");
+    for arguments in ["", "view", "view cornell", "serve --listen 127.0.0.1:9"] {
+        let output = heliostat(&folder, arguments);
+        expect_code(&output, 1);
+        assert!(stderr(&output).contains("not built yet"), "{arguments}: {}", stderr(&output));
+        assert!(stderr(&output).contains("heliostat render"), "{arguments}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn wrong_command_lines_exit_with_2() {
+    let folder = folder("usage");
+    for (arguments, message) in [
+        ("paint", "unrecognized subcommand"),
+        ("render cornell", "--output"),
+        ("render -o a.gif", "end the name in .png, .exr or .hdr"),
+        ("render -o a.png --size 1000000x1000000", "the limit is 65536"),
+        ("render -o a.png --size 12", "WIDTHxHEIGHT"),
+        ("render -o a.png --filter sinc", "blackman-harris"),
+        ("render -o a.png --renderer magic", "path"),
+        ("render -o a.png --spp 0", "--spp"),
+        ("render -o a.png --threads 0", "--threads"),
+        ("render -o a.png --eye 1,2,3", "--target"),
+        ("render -o a.png --eye 1,2 --target 0,0,0", "three numbers"),
+        ("render -o a.png --eye 1,2,3 --target 0,0,0 --camera 0", "cannot be used with"),
+        ("render -o a.png --aov beauty", "depth"),
+        ("render -o a.png --frames 4..2", "holds no frame"),
+        ("render cornell -o a.png --camera roof", "0 `front`"),
+        ("render cornell -o a.png --eye 1,1,1 --target 1,1,1", "same point"),
+        ("compare a.png b.png --blur 4", "odd"),
+    ] {
+        let output = heliostat(&folder, arguments);
+        expect_code(&output, 2);
+        assert!(stderr(&output).contains(message), "{arguments}: {}", stderr(&output));
+        assert!(stdout(&output).is_empty(), "{arguments}");
+    }
+    assert!(files(&folder).is_empty(), "{:?}", files(&folder));
+}
+
+#[test]
+fn failed_work_exits_with_1_and_leaves_no_file() {
+    let folder = folder("failures");
+    std::fs::write(folder.join("noise.glb"), b"glTF but not really").unwrap();
+    std::fs::write(folder.join("broken.obj"), b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 nine\n").unwrap();
+    std::fs::write(folder.join("empty.ply"), b"").unwrap();
+    std::fs::write(folder.join("text.png"), b"no picture").unwrap();
+    let before = files(&folder);
+    for (arguments, message) in [
+        ("render nowhere.gltf -o a.png", "no built-in scene of that name"),
+        ("render noise.glb -o a.png", "noise.glb"),
+        ("render broken.obj -o a.png", "broken.obj:4:"),
+        ("render empty.ply -o a.png", "empty"),
+        ("render cornell -o missing/a.png", "does not exist"),
+        ("info broken.obj", "nine"),
+        ("compare text.png text.png", "text.png"),
+        ("compare nowhere.png text.png", "cannot be read"),
+    ] {
+        let output = heliostat(&folder, arguments);
+        expect_code(&output, 1);
+        assert!(stderr(&output).contains(message), "{arguments}: {}", stderr(&output));
+    }
+    assert_eq!(files(&folder), before);
+}
+
+#[test]
+fn a_picture_does_not_depend_on_threads_but_on_the_seed() {
+    let folder = folder("threads");
+    let render = |name: &str, options: &str| {
+        let output = heliostat(&folder, &format!("render cornell --size 40x30 --spp 4 -o {name} {options}"));
+        expect_code(&output, 0);
+        std::fs::read(folder.join(name)).unwrap()
+    };
+    let one = render("one.exr", "--threads 1");
+    assert_eq!(one, render("two.exr", "--threads 2"));
+    assert_ne!(one, render("seed.exr", "--seed 1"));
+    assert_eq!(files(&folder), ["one.exr", "seed.exr", "two.exr"]);
+}
+
+#[test]
+fn compare_measures_and_judges() {
+    let folder = folder("compare");
+    for (name, seed) in [("a.exr", 1), ("b.exr", 2), ("a.png", 1)] {
+        let arguments = format!("render cornell --size 32x32 --spp 16 --max-depth 2 --seed {seed} -o {name}");
+        expect_code(&heliostat(&folder, &arguments), 0);
+    }
+    let output = heliostat(&folder, "compare a.exr b.exr --json");
+    expect_code(&output, 0);
+    let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let number = |key: &str| json[key].as_f64().unwrap();
+    assert!(number("rmse") > 0.0 && number("relmse") > 0.0 && (0.0..1.0).contains(&number("flip")));
+    for channel in 0..3 {
+        let [a, b] = ["mean_a", "mean_b"].map(|key| json[key][channel].as_f64().unwrap());
+        assert!((a / b - 1.0).abs() < 0.2, "{a} {b}");
+    }
+    let blurred: Value =
+        serde_json::from_str(&stdout(&heliostat(&folder, "compare a.exr b.exr --json --blur 5"))).unwrap();
+    assert!(blurred["relmse"].as_f64().unwrap() < number("relmse"));
+
+    let same = heliostat(&folder, "compare a.exr a.exr --json --max-relmse 0");
+    expect_code(&same, 0);
+    expect_code(&heliostat(&folder, "compare a.exr b.exr --max-relmse 0"), 1);
+    expect_code(&heliostat(&folder, "compare a.exr a.png"), 1);
+    expect_code(&heliostat(&folder, "compare a.png a.png"), 0);
+}
+
+#[test]
+fn render_reports_and_writes_planes() {
+    let folder = folder("planes");
+    let common = "render cornell --renderer direct --size 24x16 --spp 2 --json";
+    let output = heliostat(&folder, &format!("{common} -o flat.png --aov depth,normal --exposure -1.5"));
+    expect_code(&output, 0);
+    let report: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(report["exposure"], -1.5);
+    assert_eq!(report["renderer"], "direct");
+    assert_eq!((report["width"].as_u64(), report["samples"].as_u64()), (Some(24), Some(2)));
+    assert!(report["rays"].as_u64().unwrap() >= 24 * 16);
+    assert!(!report["apply"]["rebuilt"].as_array().unwrap().is_empty());
+    expect_code(&heliostat(&folder, &format!("{common} -o deep.exr --aov depth normal --filter tent")), 0);
+    expect_code(&heliostat(&folder, &format!("{common} -o seq.hdr --frames 3..5")), 0);
+    let expected =
+        ["deep.exr", "flat.depth.png", "flat.normal.png", "flat.png", "seq.0003.hdr", "seq.0004.hdr"];
+    assert_eq!(files(&folder), expected);
+}
+
+#[test]
+fn a_file_without_light_or_camera_gets_both_and_says_so() {
+    let folder = folder("bare");
+    std::fs::write(folder.join("triangle.obj"), b"v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let render = "render triangle.obj --size 16x16 --spp 4 --json";
+    let lit = heliostat(&folder, &format!("{render} -o lit.exr"));
+    expect_code(&lit, 0);
+    assert!(stderr(&lit).contains("no light") && stderr(&lit).contains("no camera"), "{}", stderr(&lit));
+    let dark = heliostat(&folder, &format!("{render} -o dark.exr --no-default-light"));
+    expect_code(&dark, 0);
+    let grey = heliostat(&folder, &format!("{render} -o grey.exr --environment 0.5 --eye 0,0.5,-3 --target 0,0.5,0"));
+    expect_code(&grey, 0);
+    let means = heliostat(&folder, "compare lit.exr dark.exr --json");
+    let json: Value = serde_json::from_str(&stdout(&means)).unwrap();
+    assert!(json["mean_a"][1].as_f64().unwrap() > 0.01);
+    assert_eq!(json["mean_b"][1], 0.0);
+
+    let info: Value = serde_json::from_str(&stdout(&heliostat(&folder, "info triangle.obj --json"))).unwrap();
+    assert_eq!(info["triangles"], 1);
+    assert_eq!(info["cameras"].as_array().unwrap().len(), 0);
+    assert!(stdout(&heliostat(&folder, "info triangle.obj")).contains("triangles"));
+}
