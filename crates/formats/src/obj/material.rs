@@ -41,141 +41,17 @@ pub(super) fn convert(
     if mtl.map(MapKind::Emission).is_some() && material.emissive == Vec3::ZERO {
         material.emissive = Vec3::ONE;
     }
-<<<<<<< HEAD
-
-    fn maps(
-        &mut self,
-        context: &mut Context<'_>,
-        builder: &mut SceneBuilder,
-        mtl: &Mtl,
-        material: &mut Material,
-    ) -> Result<(), LoadError> {
-        let (diffuse, opacity) = (mtl.map(MapKind::Diffuse), mtl.map(MapKind::Opacity));
-        if let Some(first) = diffuse.or(opacity) {
-            let make = |images: &[Option<Arc<Image>>]| match (diffuse, &images[0], images.last()) {
-                (Some(_), None, _) => None,
-                (_, Some(base), Some(Some(mask))) if opacity.is_some() => {
-                    let base =
-                        if diffuse.is_some() { base.clone() } else { Arc::new(pixels::white_like(mask)) };
-                    Some(Arc::new(pixels::with_lanes(&base, &[(3, mask)])))
-                }
-                (_, image, _) => image.clone(),
-            };
-            let maps: Vec<&Map> = [diffuse, opacity].into_iter().flatten().collect();
-            // With a diffuse map alone the file's image is shared as it is.
-            let use_ = if opacity.is_some() { "base and opacity" } else { "colour" };
-            let id = self.texture(context, builder, &maps, use_, ColorSpace::Srgb, make)?;
-            material.base_color_texture = Some(reference(id, first));
-            if opacity.is_some() {
-                material.alpha_mode = AlphaMode::Blend;
-            }
-        }
-        for (kind, slot) in [
-            (MapKind::Specular, &mut material.specular_color_texture),
-            (MapKind::Emission, &mut material.emissive_texture),
-        ] {
-            if let Some(map) = mtl.map(kind) {
-                let id =
-                    self.texture(context, builder, &[map], "colour", ColorSpace::Srgb, |i| i[0].clone())?;
-                *slot = Some(reference(id, map));
-            }
-        }
-        self.normal_map(context, builder, mtl, material)?;
-        self.roughness_map(context, builder, mtl, material)
-=======
     reflection(context, mtl, &mut material);
     transparency(context, mtl, &mut material);
     maps.apply(context, builder, mtl, &mut material)?;
     // The maps multiply factors that such files leave out.
     if mtl.map(MapKind::Roughness).is_some() && mtl.roughness.is_none() {
         material.roughness = 1.0;
->>>>>>> formats
     }
     if mtl.map(MapKind::Metallic).is_some() && mtl.metallic.is_none() {
         material.metallic = 1.0;
     }
-<<<<<<< HEAD
-
-    fn roughness_map(
-        &mut self,
-        context: &mut Context<'_>,
-        builder: &mut SceneBuilder,
-        mtl: &Mtl,
-        material: &mut Material,
-    ) -> Result<(), LoadError> {
-        let (roughness, metallic) = (mtl.map(MapKind::Roughness), mtl.map(MapKind::Metallic));
-        let Some(first) = roughness.or(metallic) else { return Ok(()) };
-        let make = |images: &[Option<Arc<Image>>]| {
-            let mut lanes = Vec::new();
-            let mut images = images.iter();
-            for (lane, map) in [(1, roughness), (2, metallic)] {
-                if let (Some(_), Some(Some(image))) = (map, map.and_then(|_| images.next())) {
-                    lanes.push((lane, image.as_ref()));
-                }
-            }
-            let base = pixels::white_like(lanes.first()?.1);
-            Some(Arc::new(pixels::with_lanes(&base, &lanes)))
-        };
-        let use_ = if roughness.is_some() { "roughness" } else { "metallic" };
-        let maps: Vec<&Map> = [roughness, metallic].into_iter().flatten().collect();
-        let id = self.texture(context, builder, &maps, use_, ColorSpace::Linear, make)?;
-        // The maps multiply factors that such files leave at 0.
-        material.roughness =
-            if roughness.is_some() { mtl.roughness.unwrap_or(1.0) } else { material.roughness };
-        material.metallic = if metallic.is_some() { mtl.metallic.unwrap_or(1.0) } else { material.metallic };
-        material.roughness = material.roughness.clamp(0.0, 1.0);
-        material.metallic = material.metallic.clamp(0.0, 1.0);
-        material.metallic_roughness_texture = Some(reference(id, first));
-        Ok(())
-    }
-
-    /// The texture that `make` makes of the maps' images, once for each combination.
-    fn texture(
-        &mut self,
-        context: &mut Context<'_>,
-        builder: &mut SceneBuilder,
-        maps: &[&Map],
-        use_: &'static str,
-        color_space: ColorSpace,
-        make: impl Fn(&[Option<Arc<Image>>]) -> Option<Arc<Image>>,
-    ) -> Result<TextureId, LoadError> {
-        let (first, files) = (maps[0], maps.iter().map(|map| map.file.clone()).collect());
-        let key = TextureKey { files, use_, clamp: first.clamp, strength: first.bump.to_bits() };
-        if let Some(&known) = self.textures.get(&key) {
-            return Ok(known);
-        }
-        let mut images = Vec::new();
-        for map in maps {
-            images.push(self.files.read(context, &map.place, &map.file)?);
-        }
-        // What `make` makes, and its copies on the way.
-        let bytes: u64 = images.iter().flatten().map(|image| pixels::byte_len(image)).sum();
-        if use_ != "colour" && use_ != "normal" {
-            context.charge(bytes.saturating_mul(4), &first.place)?;
-        }
-        let mut texture = Texture::new(first.file.as_str(), or_placeholder(make(&images)), color_space);
-        if first.clamp {
-            texture.wrap = [Wrap::Clamp; 2];
-        }
-        context.count_materials(1, &first.place)?;
-        let id = builder.texture(texture);
-        self.textures.insert(key, id);
-        Ok(id)
-    }
-}
-
-/// MTL maps coordinates as `uv · scale + offset` with v upwards; ours run downwards.
-fn reference(texture: TextureId, map: &Map) -> TextureRef {
-    let ([su, sv], [ou, ov]) = (map.scale, map.offset);
-    let transform = if (map.scale, map.offset) == ([1.0; 2], [0.0; 2]) {
-        UvTransform::IDENTITY
-    } else {
-        UvTransform::new(Vec2::new(ou, 1.0 - sv - ov), 0.0, Vec2::new(su, sv))
-    };
-    TextureRef { texture, uv_set: 0, transform }
-=======
     Ok(material)
->>>>>>> formats
 }
 
 fn base_color(context: &mut Context<'_>, mtl: &Mtl) -> Vec3 {

@@ -1,7 +1,3 @@
-<<<<<<< HEAD
-<<<<<<< HEAD
-
-=======
 //! Tests of the OBJ importer.
 
 use glam::{Vec2, Vec3};
@@ -305,7 +301,3 @@ fn limits_hold() {
     let loaded = read(&format!("{SQUARE}f 1 2 3\n{many}")).unwrap();
     assert_eq!(loaded.diagnostics.len(), 32);
 }
->>>>>>> formats
-=======
-
->>>>>>> command
