@@ -12,15 +12,11 @@ use fearless_simd::prelude::*;
 use glam::Vec3A;
 
 use self::{
-    leaf::Setup,
+    leaf::{Leaf, Setup},
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Work},
 };
-use super::{
-    batch, instances,
-    local::LocalRay,
-    stack::Stack,
-};
+use super::{batch, instances, local::LocalRay, stack::Stack};
 use crate::{
     layout::Child,
     object::{Object, PlacedInstance},
@@ -212,7 +208,7 @@ fn run<S: Simd, const ANY: bool>(
             few::<S, ANY>(simd, object, path, chosen, answers, scratch);
         } else {
             work.project(simd, chosen, face);
-            one_face::<S, ANY>(simd, object, path, chosen, face, work, answers, scratch);
+            one_face::<S, ANY>(simd, object, path, chosen, work, answers, scratch);
         }
     }
 }
@@ -262,7 +258,6 @@ fn one_face<S: Simd, const ANY: bool>(
     object: &Object,
     path: PathId,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
@@ -270,15 +265,15 @@ fn one_face<S: Simd, const ANY: bool>(
     if let Some(bvh) = &object.triangles
         && !bvh.tree.nodes.is_empty()
     {
-        triangles::<S, ANY>(simd, bvh, rays, face, work, &mut scratch.visits);
+        triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
         if ANY {
             collect::occluded(simd, rays, work, answers);
         } else {
-            collect::hits(simd, bvh, path, rays, face, work, answers);
+            collect::hits(simd, bvh, path, rays, work, answers);
         }
     }
     if !object.instance_tree.nodes.is_empty() {
-        nested::<S, ANY>(simd, object, path, rays, face, work, answers, scratch);
+        nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
     }
 }
 
@@ -288,22 +283,20 @@ fn triangles<S: Simd, const ANY: bool>(
     simd: S,
     bvh: &TriangleBvh,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     visits: &mut Vec<Visit>,
 ) {
-    let frame = Frame::new(face, rays.origin.to_array(), bvh.tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
     while let Some(visit) = next_leaf(simd, &bvh.tree, &frame, work, visits, mark) {
         let range = frame.box_range(&bvh.tree.nodes[visit.node as usize], usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
+        let leaf = Leaf::new(simd, &frame, &bvh.blocks, range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
-            changed |= leaf::test_block::<S, ANY>(
-                simd, &frame, work, &mut setup, &bvh.blocks, block, visit.mask, &range,
-            );
+            changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);
         }
         if changed != 0 {
             while changed != 0 {
@@ -326,12 +319,11 @@ fn nested<S: Simd, const ANY: bool>(
     object: &Object,
     path: PathId,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let frame = Frame::new(face, rays.origin.to_array(), object.instance_tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), object.instance_tree.extent, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
     while let Some(visit) = next_leaf(simd, &object.instance_tree, &frame, work, &mut scratch.visits, mark) {
