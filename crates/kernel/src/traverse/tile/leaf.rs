@@ -29,12 +29,16 @@ pub(super) struct Setup {
     edge: [[[f32; WIDTH]; 3]; 3],
     /// Reciprocal depth.
     depth: [[f32; WIDTH]; 3],
+    /// Reciprocal depths of the farthest and the nearest corner (+∞ if that lies behind the origin): the plane's
+    /// answer, uncertain for triangles seen nearly edge-on, is clamped to them.
+    depth_range: [[f32; WIDTH]; 2],
 }
 
 type Triple<S> = [f32x8<S>; 3];
 
 impl Setup {
-    pub(super) const EMPTY: Self = Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3] };
+    pub(super) const EMPTY: Self =
+        Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3], depth_range: [[0.0; WIDTH]; 2] };
 
     /// Sets up a block; a bit for each triangle that can be seen from the origin within `far`.
     #[inline(always)]
@@ -61,6 +65,10 @@ impl Setup {
         for (depth, n) in self.depth.iter_mut().zip(n) {
             *depth = (n * inverse).into();
         }
+        let one = f32x8::splat(simd, 1.0);
+        let in_front = nearest.simd_gt(zero);
+        self.depth_range[0] = (one / farthest).into();
+        self.depth_range[1] = in_front.select(one / nearest, f32x8::splat(simd, f32::INFINITY)).into();
         let direction = rect[1].abs().max(rect[0].abs()).max(rect[3].abs()).max(rect[2].abs()).max(1.0);
         let distance = largest(a, b, c, 0) + largest(a, b, c, 1) + largest(a, b, c, 2);
         let error = distance * (2.0 * EDGE_ERROR * direction);
@@ -85,7 +93,8 @@ impl Setup {
         let zero = f32x8::splat(simd, 0.0);
         let [zu, zv, zk] = load(simd, &self.depth);
         let nearest = (zu * u0).max(zu * u1) + ((zv * v0).max(zv * v1) + zk);
-        let mut least = nearest * reach - DEPTH_SLACK;
+        let farthest = f32x8::load_array_ref(simd, &self.depth_range[0]);
+        let mut least = nearest.max(farthest) * reach - DEPTH_SLACK;
         for edge in &self.edge {
             let [eu, ev, ek] = load(simd, edge);
             least = least.min((eu * u0).max(eu * u1) + ((ev * v0).max(ev * v1) + ek));
@@ -102,6 +111,7 @@ impl Setup {
         let (u, v) = (if zu > 0.0 { u1 } else { u0 }, if zv > 0.0 { v1 } else { v0 });
         let nearest =
             u.mul_add(f32x16::splat(simd, zu), v.mul_add(f32x16::splat(simd, zv), f32x16::splat(simd, zk)));
+        let nearest = nearest.max(f32x16::splat(simd, self.depth_range[0][lane & 7]));
         let mut least = nearest * f32x16::load_array_ref(simd, &work.reach) - DEPTH_SLACK;
         for edge in &self.edge {
             let [eu, ev, ek] = [edge[0][lane & 7], edge[1][lane & 7], edge[2][lane & 7]];
@@ -277,7 +287,9 @@ fn each_triangle<S: Simd, const ANY: bool>(
         let e0 = plane(simd, &setup.edge[0], lane, u, v);
         let e1 = plane(simd, &setup.edge[1], lane, u, v);
         let e2 = plane(simd, &setup.edge[2], lane, u, v);
-        let z = plane(simd, &setup.depth, lane, u, v);
+        let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
+        let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
+        let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
         let hit = e0.min(e1).min(e2).simd_ge(zero) & z.simd_gt(iz) & z.simd_lt(start);
         any |= hit;
         if ANY {
@@ -308,6 +320,8 @@ fn each_ray<S: Simd, const ANY: bool>(
 ) -> bool {
     let edge = [load(simd, &setup.edge[0]), load(simd, &setup.edge[1]), load(simd, &setup.edge[2])];
     let depth = load(simd, &setup.depth);
+    let farthest = f32x8::load_array_ref(simd, &setup.depth_range[0]);
+    let nearest = f32x8::load_array_ref(simd, &setup.depth_range[1]);
     let zero = f32x8::splat(simd, 0.0);
     let mut any = false;
     let mut rest = rays;
@@ -318,7 +332,7 @@ fn each_ray<S: Simd, const ANY: bool>(
         let e0 = edge[0][0].mul_add(u, edge[0][1].mul_add(v, edge[0][2]));
         let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
         let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
-        let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2]));
+        let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2])).max(farthest).min(nearest);
         let hit = e0.min(e1).min(e2).simd_ge(zero)
             & z.simd_gt(f32x8::splat(simd, work.iz[g][r]))
             & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
