@@ -129,9 +129,8 @@ impl Setup {
 
 /// A leaf as a tile sees it.
 pub(super) struct Leaf<'a> {
-    pub frame: &'a Frame,
-    pub blocks: &'a [Block],
-    pub range: BoxRange,
+    frame: &'a Frame,
+    blocks: &'a [Block],
     /// Groups with a ray that meets the leaf's box, and those rays.
     mask: u16,
     rays: [u16; GROUP],
@@ -144,20 +143,33 @@ impl<'a> Leaf<'a> {
         simd: S,
         frame: &'a Frame,
         blocks: &'a [Block],
-        range: BoxRange,
+        range: &BoxRange,
         mask: u16,
         work: &Work,
     ) -> Self {
-        let mut leaf = Self { frame, blocks, range, mask: 0, rays: [0; GROUP] };
-        let mut rest = mask;
-        while rest != 0 {
-            let g = (rest.trailing_zeros() & 15) as usize;
-            rest &= rest - 1;
-            leaf.rays[g] = rays_meeting(simd, work, g, &leaf.range, frame.slack);
-            leaf.mask |= u16::from(leaf.rays[g] != 0) << g;
-        }
-        leaf
+        let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
+        Self { frame, blocks, mask, rays }
     }
+}
+
+/// The groups of `mask` with a ray that meets the box nearer than what it has, and those rays.
+#[inline(always)]
+pub(super) fn rays_in_box<S: Simd>(
+    simd: S,
+    work: &Work,
+    mask: u16,
+    range: &BoxRange,
+    slack: f32,
+) -> (u16, [u16; GROUP]) {
+    let (mut met, mut rays) = (0, [0; GROUP]);
+    let mut rest = mask;
+    while rest != 0 {
+        let g = (rest.trailing_zeros() & 15) as usize;
+        rest &= rest - 1;
+        rays[g] = rays_meeting(simd, work, g, range, slack);
+        met |= u16::from(rays[g] != 0) << g;
+    }
+    (met, rays)
 }
 
 /// Tests a block against the rays of a leaf; a bit for each group of which some changed.

@@ -12,7 +12,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3A;
 
 use self::{
-    leaf::{Leaf, Setup},
+    leaf::{Leaf, Setup, rays_in_box},
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Work},
 };
@@ -293,7 +293,7 @@ fn triangles<S: Simd, const ANY: bool>(
     while let Some(visit) = next_leaf(simd, &bvh.tree, &frame, work, visits, mark) {
         let range = frame.box_range(&bvh.tree.nodes[visit.node as usize], usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, &bvh.blocks, range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, &bvh.blocks, &range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);
@@ -328,13 +328,19 @@ fn nested<S: Simd, const ANY: bool>(
     scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
     while let Some(visit) = next_leaf(simd, &object.instance_tree, &frame, work, &mut scratch.visits, mark) {
         let placed = &object.instances[visit.child.payload() as usize];
+        let range =
+            frame.box_range(&object.instance_tree.nodes[visit.node as usize], usize::from(visit.lane));
+        let (mask, wanted) = rays_in_box(simd, work, visit.mask, &range, frame.slack);
+        if mask == 0 {
+            continue;
+        }
         let mut level = scratch.take();
-        if descend::<ANY>(placed, rays, work, visit.mask, answers, &mut level.rays) {
+        if descend::<ANY>(placed, rays, &wanted, answers, &mut level.rays) {
             let before = std::mem::take(&mut answers.found);
             let path = PathId(path.0 + placed.path_offset);
             enter::<S, ANY>(simd, &placed.instance.object, path, &mut level, answers, scratch);
             let below = std::mem::replace(&mut answers.found, before);
-            merge::<S, ANY>(simd, placed, rays, work, visit.mask, &below, answers);
+            merge::<S, ANY>(simd, placed, rays, work, mask, &below, answers);
         }
         scratch.levels.push(level);
         if work.far < 0.0 {
@@ -344,13 +350,12 @@ fn nested<S: Simd, const ANY: bool>(
     scratch.visits.truncate(mark);
 }
 
-/// Carries the rays of the groups in `mask` into the instance's space; false if that leaves the usable range.
+/// Carries the `wanted` rays of each group into the instance's space; false if none stays in the usable range.
 #[inline(always)]
 fn descend<const ANY: bool>(
     placed: &PlacedInstance,
     rays: &LevelRays,
-    work: &Work,
-    mask: u16,
+    wanted: &[u16; GROUP],
     answers: &Answers<'_>,
     below: &mut LevelRays,
 ) -> bool {
@@ -358,8 +363,7 @@ fn descend<const ANY: bool>(
     below.len = 0;
     below.origin = map.transform_point3a(rays.origin);
     for i in 0..rays.len {
-        let (g, lane) = (i / GROUP, i % GROUP);
-        if mask >> g & 1 == 0 || work.iz[g][lane] == f32::INFINITY {
+        if wanted[i / GROUP] >> (i % GROUP) & 1 == 0 {
             continue;
         }
         let slot = rays.slot[i];
