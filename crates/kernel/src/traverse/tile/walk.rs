@@ -57,7 +57,8 @@ pub(super) struct BoxRange {
 
 impl Frame {
     #[inline(always)]
-    pub(super) fn new(face: Face, origin: [f32; 3], extent: [f32; 3], work: &Work) -> Self {
+    pub(super) fn new(origin: [f32; 3], extent: [f32; 3], work: &Work) -> Self {
+        let face = work.face;
         let [u, v, k] = face.axes;
         let reach = (0..3).fold(0.0_f32, |m, axis| m.max(origin[axis].abs()).max(extent[axis]));
         let negative = |x: f32| usize::from(x < 0.0);
@@ -191,7 +192,8 @@ fn open<S: Simd>(
         if bits >> lane & 1 == 0 {
             continue;
         }
-        let range = BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
+        let range =
+            BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
         let met = meet(simd, &range, frame.slack, [&work.u0, &work.u1], [&work.v0, &work.v1]);
         let mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
         if mask != 0 {
