@@ -9,7 +9,7 @@ use serde_json::Value;
 const ARROWS: &[(&str, &[&str])] = &[
     ("heliostat-scene", &[]),
     ("heliostat-kernel", &[]),
-    ("heliostat-shading", &["scene"]),
+    ("heliostat-shading", &["kernel", "scene"]),
     ("heliostat-transport", &["kernel", "scene", "shading"]),
     ("heliostat-engine", &["kernel", "scene", "shading", "transport"]),
     ("heliostat-formats", &["scene"]),
