@@ -33,7 +33,10 @@ fn small_scene() -> Small {
     let floor = scene.object("floor", [(tile, white)]);
     scene.instance(floor, Affine3A::from_scale(Vec3::splat(4.0)));
     let ceiling = scene.object("lamp", [(tile, lamp)]);
-    scene.instance(ceiling, Affine3A::from_translation(Vec3::Y * 2.0) * Affine3A::from_rotation_x(3.1415));
+    scene.instance(
+        ceiling,
+        Affine3A::from_translation(Vec3::Y * 2.0) * Affine3A::from_rotation_x(std::f32::consts::PI),
+    );
     scene.environment(Environment::Constant(Vec3::splat(0.1)));
     Small { edits: scene.finish(), inner, inner_instance, outer_instance, red }
 }

@@ -109,7 +109,8 @@ pub fn load_bytes(
         (std::borrow::Cow::Borrowed(bytes), name)
     };
     let edits = match Format::recognise(&file, name, &bytes)? {
-        Format::Glb | Format::Gltf => return Err(LoadError::unsupported(Place::whole(&file), "x", "y")),
+        Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
+        Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
         Format::Obj => obj::load(&mut context, &file, &bytes)?,
         Format::Ply => ply::load(&mut context, &file, &bytes)?,
     };

@@ -18,13 +18,23 @@ pub(crate) fn corner_normals(corners: [Vec3; 3]) -> [Vec3; 3] {
     [angle(edges[2], edges[0]), angle(edges[0], edges[1]), angle(edges[1], edges[2])].map(|a| normal * a)
 }
 
-/// Arc cosine to 7·10⁻⁵ rad, ample for a weight.
+/// Arc cosine, several times as fast as the library's and exact enough for a weight: to 2·10⁻⁷ rad.
 ///
 /// # References
-/// Abramowitz, Stegun, "Handbook of Mathematical Functions", 1964, eq. 4.4.45.
+/// Abramowitz, Stegun, "Handbook of Mathematical Functions", 1964, eq. 4.4.46.
 fn fast_acos(x: f32) -> f32 {
+    const COEFFICIENTS: [f32; 8] = [
+        1.570_796_3,
+        -0.214_598_8,
+        0.088_978_99,
+        -0.050_174_305,
+        0.030_891_881,
+        -0.017_088_126,
+        0.006_670_09,
+        -0.001_262_491,
+    ];
     let z = x.abs().min(1.0);
-    let root = (1.0 - z).sqrt() * (1.570_728_8 + z * (-0.212_114_4 + z * (0.074_261 - z * 0.018_729_3)));
+    let root = (1.0 - z).sqrt() * COEFFICIENTS.iter().rev().fold(0.0, |sum, c| sum * z + c);
     if x < 0.0 { std::f32::consts::PI - root } else { root }
 }
 
@@ -64,7 +74,7 @@ mod tests {
     fn the_approximate_arc_cosine_is_close() {
         for i in -100..=100 {
             let x = i as f32 / 100.0;
-            assert!((fast_acos(x) - x.acos()).abs() < 1e-4);
+            assert!((fast_acos(x) - x.acos()).abs() < 1e-6);
         }
     }
 }

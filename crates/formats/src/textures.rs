@@ -34,7 +34,7 @@ impl ImageFiles {
         let image = match context.read(name) {
             Ok(bytes) => decode_or_warn(context, place, &name.into(), &bytes)?,
             Err(error) => {
-                let hint = "a checkerboard takes its place; put the file there or correct the name";
+                let hint = "colours show a checkerboard, other data is left out; put the file there or correct the name";
                 context.warn(place.clone(), format!("image `{name}`: {error}"), hint);
                 None
             }
@@ -62,7 +62,11 @@ pub(crate) fn decode_or_warn(
         Err(error) => {
             let message = format!("image `{name}`: {}", error.problem());
             let hint = error.hint().unwrap_or("convert the image");
-            context.warn(place.clone(), message, format!("a checkerboard takes its place; {hint}"));
+            context.warn(
+                place.clone(),
+                message,
+                format!("colours show a checkerboard, other data is left out; {hint}"),
+            );
             Ok(None)
         }
     }

@@ -83,7 +83,8 @@ impl Triangulator {
             let removed = (at + 1) % count;
             self.left.remove(removed);
             // Go on beside the cut: clipping one corner after another of the same ear makes slivers.
-            at = if removed < at { at } else { (at + 1) % (count - 1) };
+            let kept = if removed < at { at - 1 } else { at };
+            at = (kept + 1) % (count - 1);
             refused = 0;
         }
         emit([self.left[0], self.left[1], self.left[2]]);
@@ -176,6 +177,24 @@ mod tests {
             assert_eq!(cut.len(), 14);
             assert!((absolute - 15.0).abs() < 1e-3, "{absolute}");
             assert!((sum - axes[0].cross(axes[1]) * 15.0).length() < 1e-3, "{sum}");
+        }
+    }
+
+    #[test]
+    fn star_shaped_polygons_of_any_size_are_cut_without_overlap() {
+        for count in 4..60 {
+            let polygon: Vec<Vec3> = (0..count)
+                .map(|i| {
+                    let (sin, cos) = (i as f32 / count as f32 * std::f32::consts::TAU).sin_cos();
+                    // Radii that jump up and down without a pattern.
+                    let radius = 1.0 + ((i * 7919 + count * 104_729) % 17) as f32;
+                    Vec3::new(cos * radius, sin * radius, 0.0)
+                })
+                .collect();
+            let cut = triangles(&polygon);
+            let (sum, absolute) = areas(&polygon, &cut);
+            assert_eq!(cut.len(), count - 2);
+            assert!((sum.z - absolute).abs() < 1e-3 * absolute, "{count} corners: {sum} {absolute}");
         }
     }
 

@@ -80,7 +80,7 @@ pub enum BuildError {
 #[non_exhaustive]
 pub enum IsaError {
     /// The name is not one that exists.
-    #[error("unknown instruction set \"{name}\" (known: avx512, avx2, sse4.2, sse2, neon, wasm128, scalar)")]
+    #[error("unknown instruction set \"{name}\" (known: avx512, avx2, sse4.2, neon, wasm128, scalar)")]
     Unknown {
         /// The name given.
         name: String,

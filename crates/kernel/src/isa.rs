@@ -15,8 +15,6 @@ pub enum Isa {
     Avx2,
     /// x86-64-v2.
     Sse42,
-    /// The baseline of x86-64.
-    Sse2,
     /// 64-bit ARM.
     Neon,
     /// WebAssembly with 128-bit SIMD.
@@ -27,8 +25,8 @@ pub enum Isa {
 
 impl Isa {
     /// All instruction sets, best first.
-    pub const ALL: [Self; 7] =
-        [Self::Avx512, Self::Avx2, Self::Sse42, Self::Sse2, Self::Neon, Self::Wasm128, Self::Scalar];
+    pub const ALL: [Self; 6] =
+        [Self::Avx512, Self::Avx2, Self::Sse42, Self::Neon, Self::Wasm128, Self::Scalar];
 
     /// Those that this machine can run, best first; never empty.
     #[must_use]
@@ -63,7 +61,6 @@ impl Isa {
             Self::Avx512 => "avx512",
             Self::Avx2 => "avx2",
             Self::Sse42 => "sse4.2",
-            Self::Sse2 => "sse2",
             Self::Neon => "neon",
             Self::Wasm128 => "wasm128",
             Self::Scalar => "scalar",
@@ -87,8 +84,6 @@ impl Isa {
             Self::Avx2 => level.as_avx2().map(Level::Avx2),
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             Self::Sse42 => level.as_sse4_2().map(Level::Sse4_2),
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Self::Sse2 => level.as_sse2().map(Level::Sse2),
             #[cfg(target_arch = "aarch64")]
             Self::Neon => level.as_neon().map(Level::Neon),
             #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]

@@ -34,6 +34,10 @@ impl Lobes {
     pub const THIN_TRANSMIT: Self = Self(32);
     /// All of them.
     pub const ALL: Self = Self(63);
+    /// Those on the viewer's side of the surface.
+    pub const REFLECTING: Self = Self(1 | 2 | 4 | 8);
+    /// Those on the other side.
+    pub const TRANSMITTING: Self = Self(16 | 32);
 
     const EACH: [Self; 6] = [
         Self::DIFFUSE,
@@ -71,7 +75,7 @@ impl Lobes {
 
     /// Whether light goes through the surface; for a single lobe.
     fn transmits(self) -> bool {
-        matches!(self, Self::GLASS_TRANSMIT | Self::THIN_TRANSMIT)
+        !self.intersection(Self::TRANSMITTING).is_empty()
     }
 
     /// Each lobe of the set by itself.
@@ -245,14 +249,16 @@ impl Bsdf {
     /// f · |cos θi| of the chosen lobes for light from `wi`, and the density of sampling it from those lobes.
     pub fn evaluate(&self, wi: Vec3, lobes: Lobes) -> BsdfValue {
         let lobes = self.lobes.intersection(lobes);
-        let (chances, total) = self.chances(lobes);
-        let above = self.ng.dot(wi) > 0.0;
         let mut value = BsdfValue::default();
-        for (group, chance) in GROUPS.into_iter().zip(chances).filter(|(_, chance)| *chance > 0.0) {
-            for lobe in group.intersection(lobes).iter() {
-                if above == lobe.transmits() {
-                    continue;
-                }
+        if lobes.is_empty() {
+            return value;
+        }
+        let (chances, total) = self.chances(lobes);
+        let side = if self.ng.dot(wi) > 0.0 { Lobes::REFLECTING } else { Lobes::TRANSMITTING };
+        for (group, chance) in GROUPS.into_iter().zip(chances) {
+            // At most one lobe of a group lies on either side.
+            let lobe = group.intersection(lobes).intersection(side);
+            if chance > 0.0 && !lobe.is_empty() {
                 let (f_cos, pdf) = self.lobe_value(lobe, lobes, wi);
                 value.f_cos += f_cos;
                 value.pdf += pdf * chance / total;

@@ -197,7 +197,7 @@ impl AreaEmitter {
         let distance2 = to_light.length_squared();
         let wi = to_light.try_normalize()?;
         let cos = -normal.dot(wi);
-        let radiance = material.emission(&corners.coordinates(2.0 * area, 0.0), cos > 0.0);
+        let radiance = material.emission(&corners.coordinates(material, 2.0 * area, 0.0), cos > 0.0);
         let pdf = probability * distance2 / (area * cos.abs());
         let usable = radiance != Vec3::ZERO && pdf > 0.0 && pdf.is_finite();
         // The shadow ray stops just before the light.
@@ -213,7 +213,7 @@ fn triangle_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
         let corners = Corners::new(&part.mesh, primitive, Vec2::splat(1.0 / 3.0));
         let [a, b, c] = corners.positions();
         let area = 0.5 * (b - a).cross(c - a).length();
-        let at = corners.coordinates((2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
+        let at = corners.coordinates(material, (2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
         area * (luminance(material.emission(&at, true)) + floor)
     }))
 }

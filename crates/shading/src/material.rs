@@ -42,13 +42,14 @@ pub struct SurfaceMaterial {
     coat_roughness: Option<Slot>,
     pub(crate) coat_normal: Option<Slot>,
     interface: Option<Arc<InterfaceTables>>,
+    textured: bool,
 }
 
 /// Texture coordinates at a point: both sets, and the footprint per set.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TextureCoordinates {
     pub(crate) uv: [Vec2; 2],
-    /// ½ log2 of (area in texture space / area in world space) + log2 of the footprint's width.
+    /// log2 of the footprint's width in texture space; 0 where nothing is looked up.
     pub(crate) lod: [f32; 2],
     /// Linear RGBA of the mesh.
     pub(crate) color: Vec4,
@@ -113,6 +114,7 @@ impl SurfaceMaterial {
             coat_roughness: coat.and_then(|c| slot(&c.roughness_texture)),
             coat_normal: coat.and_then(|c| slot(&c.normal_texture)),
             interface,
+            textured: source.textures().next().is_some(),
         }
     }
 
@@ -136,6 +138,11 @@ impl SurfaceMaterial {
     /// The description it was made from.
     pub fn source(&self) -> &Material {
         &self.source
+    }
+
+    /// Whether anything is looked up by texture coordinates.
+    pub(crate) fn is_textured(&self) -> bool {
+        self.textured
     }
 
     /// Whether light can pass straight through: such surfaces do not simply occlude.

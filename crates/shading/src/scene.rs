@@ -10,7 +10,7 @@ use crate::camera::Cone;
 use crate::environment::EnvironmentLight;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
-use crate::surface::{Placement, ShadedPart, Surface, SurfaceQuery, surface, transmittance};
+use crate::surface::{Placement, ShadedPart, Surface, SurfaceQuery, surface};
 
 /// Materials, placements and lights, indexed the way the kernel reports hits.
 ///
@@ -76,10 +76,15 @@ impl ShadingScene {
         surface(placement, part, material, &query(hit, direction, cone))
     }
 
-    /// What passes straight through the surface at a hit, per channel.
-    pub fn transmittance(&self, hit: &Hit, direction: Vec3) -> Vec3 {
+    /// The way straight through the surface at a hit: what passes, per channel, and where the ray goes on. `None` if
+    /// nothing passes.
+    pub fn see_through(&self, hit: &Hit, direction: Vec3) -> Option<(Vec3, Vec3)> {
         let (placement, part, material) = self.part(hit);
-        transmittance(placement, part, material, &query(hit, direction, Cone::default()))
+        if !material.is_see_through() {
+            return None;
+        }
+        let surface = surface(placement, part, material, &query(hit, direction, Cone::default()));
+        (surface.through != Vec3::ZERO).then(|| (surface.through, surface.spawn(direction)))
     }
 
     /// How light sampling from a point `distance` away would have found this hit; `None` if it is no light.

@@ -148,17 +148,25 @@ impl<'a> Corners<'a> {
     }
 
     /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
-    pub(crate) fn coordinates(&self, world_area: f32, width: f32) -> TextureCoordinates {
+    pub(crate) fn coordinates(
+        &self,
+        material: &SurfaceMaterial,
+        world_area: f32,
+        width: f32,
+    ) -> TextureCoordinates {
         let mut at = TextureCoordinates { color: Vec4::ONE, ..TextureCoordinates::default() };
+        if let Some(color) = self.interpolate(&self.mesh.colors) {
+            at.color = color;
+        }
+        if !material.is_textured() {
+            return at;
+        }
         for (set, uvs) in self.mesh.uvs.iter().enumerate() {
             let Some(uv) = self.interpolate(uvs) else { continue };
             at.uv[set] = uv;
             let [a, b, c] = self.indices.map(|i| uvs[i]);
             let uv_area = (b - a).perp_dot(c - a).abs();
-            at.lod[set] = 0.5 * (uv_area / world_area).max(1e-30).log2() + width.max(1e-30).log2();
-        }
-        if let Some(color) = self.interpolate(&self.mesh.colors) {
-            at.color = color;
+            at.lod[set] = 0.5 * (uv_area * width * width / world_area).max(1e-30).log2();
         }
         at
     }
@@ -235,7 +243,7 @@ pub(crate) fn surface(
     let cos = query.ng.dot(query.wo);
     // At grazing angles the footprint is an ellipse; limiting its length keeps textures sharp, and the samples of the
     // pixel filter the rest.
-    let at = corners.coordinates(world_area, query.cone.width / cos.abs().max(0.25));
+    let at = corners.coordinates(material, world_area, query.cone.width / cos.abs().max(0.25));
     let front = cos > 0.0;
     let side = if front { 1.0 } else { -1.0 };
 
@@ -274,17 +282,4 @@ pub(crate) fn surface(
         albedo: appearance.albedo,
         absorption: if front { Vec3::ZERO } else { material.absorption() },
     }
-}
-
-/// What passes straight through at a hit, without the cost of a whole surface.
-pub(crate) fn transmittance(
-    placement: &Placement,
-    part: &ShadedPart,
-    material: &SurfaceMaterial,
-    query: &SurfaceQuery,
-) -> Vec3 {
-    if !material.is_see_through() {
-        return Vec3::ZERO;
-    }
-    surface(placement, part, material, query).through
 }

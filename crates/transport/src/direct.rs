@@ -24,9 +24,6 @@ const MIRROR_ALPHA: f32 = 0.25;
 /// Rays of one region in flight; beyond it the least deep tree is cut, so that memory stays bounded.
 const MAX_RAYS: usize = 1 << 16;
 
-const REFLECTING: Lobes = Lobes::SPECULAR.union(Lobes::COAT).union(Lobes::GLASS_REFLECT);
-const TRANSMITTING: Lobes = Lobes::GLASS_TRANSMIT.union(Lobes::THIN_TRANSMIT);
-
 /// A ray with its place in the tree.
 #[derive(Clone, Copy, Debug)]
 struct WeightedRay {
@@ -180,7 +177,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
     /// A shadow ray to a point of every light. Lobes that send rays of their own share the work with them.
     fn sample_lights(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
         let scene = self.view.scene;
-        let groups = [mirrors.intersection(REFLECTING), mirrors.intersection(TRANSMITTING)];
+        let groups = [mirrors.intersection(Lobes::REFLECTING), mirrors.intersection(Lobes::TRANSMITTING)];
         for emitter in 0..scene.lights().len() {
             let [u, v, u_triangle, _] = ray.points(2 + emitter as u32);
             let Some(light) = scene.sample_light(emitter, surface.position, Vec2::new(u, v), u_triangle)
@@ -189,6 +186,9 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             };
             let mut f_cos = surface.bsdf.evaluate(light.wi, Lobes::ALL.without(mirrors)).f_cos;
             for lobes in groups {
+                if lobes.is_empty() {
+                    continue;
+                }
                 let value = surface.bsdf.evaluate(light.wi, lobes);
                 f_cos += match light.pdf == 0.0 {
                     true => value.f_cos,
@@ -205,7 +205,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
 
     /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
     fn reflect(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
-        for (side, group) in [REFLECTING, TRANSMITTING].into_iter().enumerate() {
+        for (side, group) in [Lobes::REFLECTING, Lobes::TRANSMITTING].into_iter().enumerate() {
             let lobes = mirrors.intersection(group);
             if lobes.is_empty() {
                 continue;

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::{Cone, ShadingScene};
+use heliostat_shading::ShadingScene;
 
 /// A surface that lets light pass may be met this often on one shadow ray; after that it counts as blocked.
 const MAX_SEE_THROUGH: u32 = 64;
@@ -61,9 +61,13 @@ impl ShadowBatch {
 
     /// Follows each ray from surface to surface until it arrives or is blocked.
     fn attenuate<Q: RayQuery + ?Sized>(&mut self, query: &Q, scene: &ShadingScene) -> u64 {
-        let mut traced = 0;
-        let mut active: Vec<usize> = (0..self.rays.len()).collect();
-        let mut rays = self.rays.clone();
+        // Most rays meet nothing, which any-hit queries find out fastest; the others are followed hit by hit.
+        self.occluded.clear();
+        self.occluded.resize(self.rays.len(), false);
+        query.occluded(&self.rays, &mut self.occluded);
+        let mut traced = self.rays.len() as u64;
+        let mut active: Vec<usize> = (0..self.rays.len()).filter(|&i| self.occluded[i]).collect();
+        let mut rays: Vec<Ray> = active.iter().map(|&i| self.rays[i]).collect();
         for round in 0.. {
             self.hits.clear();
             self.hits.resize(rays.len(), Hit::MISS);
@@ -76,15 +80,13 @@ impl ShadowBatch {
                     continue;
                 }
                 let light = &mut self.lights[index];
-                light.radiance *= match round < MAX_SEE_THROUGH {
-                    true => scene.transmittance(hit, ray.direction),
-                    false => Vec3::ZERO,
-                };
-                if light.radiance == Vec3::ZERO {
+                let passage =
+                    if round < MAX_SEE_THROUGH { scene.see_through(hit, ray.direction) } else { None };
+                let Some((transmittance, origin)) = passage else {
+                    light.radiance = Vec3::ZERO;
                     continue;
-                }
-                let surface = scene.surface(hit, ray.direction, Cone::default());
-                let origin = surface.spawn(ray.direction);
+                };
+                light.radiance *= transmittance;
                 let t_max = ray.t_max - hit.t;
                 if t_max > 0.0 {
                     next.push(index);

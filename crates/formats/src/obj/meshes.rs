@@ -138,6 +138,7 @@ fn smooth_normals(
             }
         }
     }
+    normals.values_mut().for_each(|normal: &mut Vec3| *normal = normal.normalize_or_zero());
     context.charge_array(normals.len(), 32, &Place::whole(file))?;
     Ok(normals)
 }

@@ -25,10 +25,11 @@ use heliostat_scene::{Edit, MaterialId, SceneBuilder};
 use crate::context::Context;
 use crate::error::LoadError;
 use crate::place::Place;
-use material::Converter;
+use maps::Maps;
 use mtl::Mtl;
 use parse::{MaterialUse, Obj};
 
+mod maps;
 mod material;
 mod meshes;
 mod mtl;
@@ -65,7 +66,7 @@ pub(crate) fn load(context: &mut Context<'_>, file: &Arc<str>, bytes: &[u8]) -> 
 struct Materials {
     definitions: HashMap<String, Mtl>,
     made: HashMap<Option<String>, MaterialId>,
-    converter: Converter,
+    maps: Maps,
     /// A library could not be read, and a warning has said so.
     incomplete: bool,
 }
@@ -75,7 +76,7 @@ impl Materials {
         let mut materials = Self {
             definitions: HashMap::new(),
             made: HashMap::new(),
-            converter: Converter::default(),
+            maps: Maps::default(),
             incomplete: false,
         };
         for (names, place) in libraries {
@@ -125,7 +126,7 @@ impl Materials {
         }
         let definition = used.name.as_ref().and_then(|name| self.definitions.get(name));
         let material = match (definition, &used.name) {
-            (Some(mtl), _) => self.converter.convert(context, builder, mtl)?,
+            (Some(mtl), _) => material::convert(context, builder, &mut self.maps, mtl)?,
             (None, None) => crate::neutral_material("default"),
             (None, Some(name)) => {
                 if !self.incomplete {

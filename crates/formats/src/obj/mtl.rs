@@ -223,7 +223,8 @@ fn map(words: &mut Words<'_>) -> Result<Map, LoadError> {
             _ => break,
         }
     }
-    let finite = |values: [f32; 2], default| values.map(|v| if v.is_finite() { v } else { default });
+    // Larger ones say nothing about a texture and overflow further on.
+    let finite = |values: [f32; 2], default| values.map(|v| if v.abs() < 1e9 { v } else { default });
     map.scale = finite(map.scale, 1.0);
     map.offset = finite(map.offset, 0.0);
     map.bump = if map.bump.is_finite() { map.bump } else { 1.0 };

@@ -201,8 +201,8 @@ impl Obj {
         }
         context.count_materials(1, &place)?;
         context.charge(2 * (size_of::<MaterialUse>() + name.len()) as u64, &place)?;
-        // `Limits::materials` is far below 2^32 in practice; above it the last number serves for all.
-        let number = u32::try_from(self.uses.len()).unwrap_or(u32::MAX);
+        let number = u32::try_from(self.uses.len())
+            .map_err(|_| LoadError::input(place.clone(), "more than 2^32 materials", "split the file"))?;
         state.uses.insert(name.clone(), number);
         self.uses.push(MaterialUse { name: Some(name), place });
         Ok(number)

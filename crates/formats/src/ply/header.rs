@@ -185,7 +185,7 @@ fn element(words: &mut Words<'_>) -> Result<Element, LoadError> {
 
 fn property(words: &mut Words<'_>) -> Result<Property, LoadError> {
     let hint = "types are char, uchar, short, ushort, int, uint, float and double";
-    let mut kind = |words: &mut Words<'_>| {
+    let kind = |words: &mut Words<'_>| {
         let kind = words.word().and_then(Type::parse);
         kind.ok_or_else(|| words.error("unknown type", hint))
     };

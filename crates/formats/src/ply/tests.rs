@@ -72,13 +72,13 @@ fn rich(format: &str, big: bool) -> Vec<u8> {
         put(0.5 + i, "f64");
         put(i * i, "f32");
         put(-i, "i16");
-        [0.0, 1.0, 0.0].map(|v| put(v, "f32"));
-        [255.0, 0.0, 188.0, 51.0].map(|v| put(v, "u8"));
-        [0.25, 0.75].map(|v| put(v, "f32"));
+        [0.0, 1.0, 0.0].into_iter().for_each(|v| put(v, "f32"));
+        [255.0, 0.0, 188.0, 51.0].into_iter().for_each(|v| put(v, "u8"));
+        [0.25, 0.75].into_iter().for_each(|v| put(v, "f32"));
     }
     put(9.0, "u8");
     put(3.0, "i16");
-    [2.0, 1.0, 0.0].map(|v| put(v, "u32"));
+    [2.0, 1.0, 0.0].into_iter().for_each(|v| put(v, "u32"));
     bytes
 }
 

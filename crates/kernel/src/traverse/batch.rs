@@ -42,3 +42,34 @@ pub(super) fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack)
         None => false,
     }
 }
+
+/// A local ray in an object, for callers that have a kernel of their own around them: a call, not inlined twice.
+#[inline(never)]
+pub(super) fn closest_local<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    hit: &mut Hit,
+    stack: &mut Stack,
+) -> bool {
+    simd.vectorize(
+        #[inline(always)]
+        || instances::closest(simd, object, ray, path, hit, stack),
+    )
+}
+
+/// As [`closest_local`], for any hit.
+#[inline(never)]
+pub(super) fn any_local<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    simd.vectorize(
+        #[inline(always)]
+        || instances::any(simd, object, ray, t_max, stack),
+    )
+}

@@ -3,9 +3,6 @@ use glam::{Affine3A, Vec3A};
 
 use crate::{ray::Ray, triangle_bvh::MAX_COORDINATE};
 
-/// Lengths of directions (largest component) that are accepted.
-const DIRECTION_RANGE: std::ops::RangeInclusive<f32> = 1.0e-12..=1.0e12;
-
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LocalRay {
     pub origin: Vec3A,
@@ -15,6 +12,14 @@ pub(super) struct LocalRay {
 }
 
 impl LocalRay {
+    /// Largest components of directions that are accepted.
+    pub(super) const DIRECTION_RANGE: std::ops::RangeInclusive<f32> = 1.0e-12..=1.0e12;
+
+    #[inline(always)]
+    pub(super) fn origin_in_range(origin: Vec3A) -> bool {
+        origin.abs().cmple(Vec3A::splat(MAX_COORDINATE)).all()
+    }
+
     /// The world-space ray, or `None` if it can hit nothing.
     #[inline(always)]
     pub(super) fn new(ray: &Ray) -> Option<Self> {
@@ -38,12 +43,11 @@ impl LocalRay {
     }
 
     #[inline(always)]
-    fn in_range(&self) -> bool {
-        // Both comparisons are false for NaN; the sum catches a NaN that maxima might drop.
-        let (o, d) = (self.origin.abs(), self.direction.abs());
-        let d_sum = d.x + d.y + d.z;
-        o.cmple(Vec3A::splat(MAX_COORDINATE)).all()
-            && d_sum.is_finite()
-            && DIRECTION_RANGE.contains(&d.max_element())
+    pub(super) fn in_range(&self) -> bool {
+        // Comparisons are false for NaN; a maximum alone might drop one.
+        let d = self.direction.abs();
+        Self::origin_in_range(self.origin)
+            && d.cmple(Vec3A::splat(*Self::DIRECTION_RANGE.end())).all()
+            && d.max_element() >= *Self::DIRECTION_RANGE.start()
     }
 }

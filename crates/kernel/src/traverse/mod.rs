@@ -7,6 +7,7 @@ mod shear;
 mod single;
 mod slab;
 mod stack;
+mod tile;
 
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -15,6 +16,49 @@ use crate::{
     ray::{Hit, Ray},
     tile::Tile,
 };
+
+/// Runs a tile kernel and returns from the function, if the level has vectors worth it; goes on otherwise. (Without
+/// vectors 16 lanes are 16 instructions: the single-ray kernel is then faster, and the other one would only cost
+/// build time.)
+macro_rules! dispatch_wide {
+    ($level:expr, $simd:ident => $call:expr) => {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            if let Some($simd) = $level.as_avx512() {
+                return $simd.vectorize(
+                    #[inline(always)]
+                    || $call,
+                );
+            }
+            if let Some($simd) = $level.as_avx2() {
+                return $simd.vectorize(
+                    #[inline(always)]
+                    || $call,
+                );
+            }
+            if let Some($simd) = $level.as_sse4_2() {
+                return $simd.vectorize(
+                    #[inline(always)]
+                    || $call,
+                );
+            }
+        }
+        #[cfg(target_arch = "aarch64")]
+        if let Some($simd) = $level.as_neon() {
+            return $simd.vectorize(
+                #[inline(always)]
+                || $call,
+            );
+        }
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        if let Some($simd) = $level.as_wasm_simd128() {
+            return $simd.vectorize(
+                #[inline(always)]
+                || $call,
+            );
+        }
+    };
+}
 
 pub(crate) fn intersect(level: Level, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
     dispatch!(level, simd => batch::intersect(simd, root, rays, hits));
@@ -25,29 +69,15 @@ pub(crate) fn occluded(level: Level, root: &Object, rays: &[Ray], occluded: &mut
 }
 
 pub(crate) fn intersect_tile(level: Level, root: &Object, tile: &Tile, hits: &mut [Hit]) {
-    dispatch!(level, simd => intersect_tile_with(simd, root, tile, hits));
-}
-
-pub(crate) fn occluded_tile(level: Level, root: &Object, tile: &Tile, occluded: &mut [bool]) {
-    dispatch!(level, simd => occluded_tile_with(simd, root, tile, occluded));
-}
-
-#[inline(always)]
-fn intersect_tile_with<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut [Hit]) {
-    let mut stack = stack::Stack::new();
+    dispatch_wide!(level, simd => tile::intersect(simd, root, tile, hits));
     for (i, hit) in hits.iter_mut().enumerate().take(tile.len()) {
-        if let Some(ray) = tile.ray(i) {
-            *hit = batch::closest(simd, root, &ray, &mut stack);
-        }
+        intersect(level, root, tile.ray(i).as_slice(), std::slice::from_mut(hit));
     }
 }
 
-#[inline(always)]
-fn occluded_tile_with<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &mut [bool]) {
-    let mut stack = stack::Stack::new();
+pub(crate) fn occluded_tile(level: Level, root: &Object, tile: &Tile, occluded: &mut [bool]) {
+    dispatch_wide!(level, simd => tile::occluded(simd, root, tile, occluded));
     for (i, out) in occluded.iter_mut().enumerate().take(tile.len()) {
-        if let Some(ray) = tile.ray(i) {
-            *out = batch::any(simd, root, &ray, &mut stack);
-        }
+        self::occluded(level, root, tile.ray(i).as_slice(), std::slice::from_mut(out));
     }
 }

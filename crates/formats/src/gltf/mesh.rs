@@ -1,0 +1,220 @@
+//! Meshes: primitives to parts of objects.
+
+use std::collections::BTreeMap;
+
+use glam::{Vec2, Vec3, Vec4};
+use heliostat_scene::{Mesh, ObjectId};
+
+use super::Loader;
+use super::deform::Pose;
+use super::json;
+use super::nodes::Forest;
+use crate::error::LoadError;
+
+/// A primitive's vertices, before and after deformation.
+pub(super) struct Vertices {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) normals: Vec<Vec3>,
+    pub(super) tangents: Vec<Vec4>,
+}
+
+impl Loader<'_, '_> {
+    /// The object of a mesh without skin; shared between nodes unless the node has morph weights of its own.
+    pub(super) fn mesh_object(&mut self, node: usize, mesh: usize) -> Result<Option<ObjectId>, LoadError> {
+        let own_weights = self.root.nodes[node].weights.as_deref();
+        if let (None, Some(&known)) = (own_weights, self.objects.get(&mesh)) {
+            return Ok(known);
+        }
+        let user = format!("nodes[{node}].mesh");
+        let definition = self.item(&self.root.meshes, "meshes", mesh, &user)?;
+        let weights = own_weights.or(definition.weights.as_deref()).unwrap_or_default();
+        let object = self.object(mesh, definition, weights, None)?;
+        if own_weights.is_none() {
+            self.objects.insert(mesh, object);
+        }
+        Ok(object)
+    }
+
+    /// The object of a mesh as a skin bends it, in world space.
+    pub(super) fn skinned_object(
+        &mut self,
+        node: usize,
+        mesh: usize,
+        skin: usize,
+        forest: &Forest,
+    ) -> Result<Option<ObjectId>, LoadError> {
+        let user = format!("nodes[{node}]");
+        let definition = self.item(&self.root.meshes, "meshes", mesh, &user)?;
+        let own_weights = self.root.nodes[node].weights.as_deref();
+        let weights = own_weights.or(definition.weights.as_deref()).unwrap_or_default();
+        let pose = self.pose(skin, &user, forest)?;
+        self.object(mesh, definition, weights, Some(&pose))
+    }
+
+    fn object(
+        &mut self,
+        mesh: usize,
+        definition: &json::Mesh,
+        weights: &[f32],
+        pose: Option<&Pose>,
+    ) -> Result<Option<ObjectId>, LoadError> {
+        let mut parts = Vec::new();
+        for (number, primitive) in definition.primitives.iter().enumerate() {
+            let path = format!("meshes[{mesh}].primitives[{number}]");
+            if let Some(built) = self.primitive(primitive, &path, weights, pose)? {
+                let material = self.material(primitive.material, &path)?;
+                parts.push((self.builder.mesh(built), material));
+            }
+        }
+        if parts.is_empty() {
+            return Ok(None);
+        }
+        let name = definition.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
+        Ok(Some(self.builder.object(name, parts)))
+    }
+
+    /// `None` for what is not made of triangles.
+    fn primitive(
+        &mut self,
+        primitive: &json::Primitive,
+        path: &str,
+        weights: &[f32],
+        pose: Option<&Pose>,
+    ) -> Result<Option<Mesh>, LoadError> {
+        let mode = primitive.mode.unwrap_or(4);
+        if mode < 4 {
+            let message = "points and lines are not shown";
+            self.context.warn(self.place(path), message, "give them a surface");
+            return Ok(None);
+        }
+        let Some(&position) = primitive.attributes.get("POSITION") else {
+            let message = "the primitive has no POSITION attribute and is not shown";
+            self.context.warn(self.place(path), message, "add positions");
+            return Ok(None);
+        };
+        let positions =
+            self.read_floats(position, &format!("{path}.attributes.POSITION"), &["VEC3"], [0.0; 3])?;
+        let count = positions.len();
+        let attributes = &primitive.attributes;
+        let mut vertices = Vertices {
+            positions: positions.into_iter().map(Vec3::from_array).collect(),
+            normals: self.attribute(
+                attributes,
+                "NORMAL",
+                path,
+                &["VEC3"],
+                [0.0; 3],
+                count,
+                Vec3::from_array,
+            )?,
+            tangents: self.attribute(
+                attributes,
+                "TANGENT",
+                path,
+                &["VEC4"],
+                [0.0; 4],
+                count,
+                Vec4::from_array,
+            )?,
+        };
+        if vertices.normals.is_empty() {
+            // Tangents without normals are to be ignored.
+            vertices.tangents = Vec::new();
+        }
+        let mut uv =
+            |name| self.attribute(attributes, name, path, &["VEC2"], [0.0; 2], count, Vec2::from_array);
+        let uvs = [uv("TEXCOORD_0")?, uv("TEXCOORD_1")?];
+        let to_color =
+            |c: [f32; 4]| Vec4::from_array(c.map(|v| if v.is_nan() { 1.0 } else { v.clamp(0.0, 1.0) }));
+        let colors =
+            self.attribute(attributes, "COLOR_0", path, &["VEC3", "VEC4"], [1.0; 4], count, to_color)?;
+        self.morph(primitive, path, weights, &mut vertices)?;
+        if let Some(pose) = pose {
+            self.skin(primitive, path, pose, &mut vertices)?;
+        }
+        let indices = self.triangles(primitive, path, mode, count)?;
+        let Vertices { positions, normals, tangents } = vertices;
+        Ok(Some(Mesh {
+            positions: positions.into(),
+            indices: indices.into(),
+            normals,
+            tangents,
+            uvs,
+            colors,
+        }))
+    }
+
+    /// An optional attribute with one element per vertex; empty if absent.
+    #[expect(clippy::too_many_arguments, reason = "each names one thing about the attribute")]
+    pub(super) fn attribute<const N: usize, T>(
+        &mut self,
+        attributes: &BTreeMap<String, usize>,
+        name: &str,
+        path: &str,
+        shapes: &[&str],
+        missing: [f32; N],
+        count: usize,
+        convert: impl Fn([f32; N]) -> T,
+    ) -> Result<Vec<T>, LoadError> {
+        let Some(&accessor) = attributes.get(name) else { return Ok(Vec::new()) };
+        let user = format!("{path}.attributes.{name}");
+        let values = self.read_floats(accessor, &user, shapes, missing)?;
+        self.check_count(&user, values.len(), count)?;
+        Ok(values.into_iter().map(convert).collect())
+    }
+
+    /// Refuses attributes that do not have one element per vertex.
+    pub(super) fn check_count(&self, user: &str, found: usize, vertices: usize) -> Result<(), LoadError> {
+        if found == vertices {
+            return Ok(());
+        }
+        let problem = format!("{found} elements for {vertices} positions");
+        let hint = "all attributes of a primitive have the same `count`";
+        Err(LoadError::input(self.place(user), problem, hint))
+    }
+
+    fn triangles(
+        &mut self,
+        primitive: &json::Primitive,
+        path: &str,
+        mode: u32,
+        vertices: usize,
+    ) -> Result<Vec<[u32; 3]>, LoadError> {
+        let given = match primitive.indices {
+            Some(accessor) => {
+                let user = format!("{path}.indices");
+                let indices = self.read_integers::<1>(accessor, &user, &["SCALAR"])?.into_flattened();
+                if let Some(bad) = indices.iter().find(|&&index| index as usize >= vertices) {
+                    let problem = format!("index {bad} of {vertices} vertices");
+                    return Err(LoadError::input(self.place(&user), problem, "indices count from 0"));
+                }
+                Some(indices)
+            }
+            None => None,
+        };
+        let count = given.as_ref().map_or(vertices, Vec::len);
+        let triangles = if mode == 4 { count / 3 } else { count.saturating_sub(2) };
+        self.context.count_mesh(vertices, triangles, &self.place(path))?;
+        if mode == 4 && !count.is_multiple_of(3) {
+            let message = format!("{count} indices are not a multiple of three");
+            self.context.warn(self.place(path), message, "the last ones were ignored");
+        }
+        // There are fewer than 2^32 vertices: `Limits::vertices` and the accessor have been checked.
+        let at = |i: usize| given.as_ref().map_or(i as u32, |indices| indices[i]);
+        let triangles = (0..triangles).map(|i| match mode {
+            4 => [at(3 * i), at(3 * i + 1), at(3 * i + 2)],
+            5 if i.is_multiple_of(2) => [at(i), at(i + 1), at(i + 2)],
+            5 => [at(i + 1), at(i), at(i + 2)],
+            _ => [at(i + 1), at(i + 2), at(0)],
+        });
+        match mode {
+            4 => Ok(triangles.collect()),
+            // Strips repeat vertices in order to jump.
+            5 | 6 => Ok(triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect()),
+            _ => {
+                let problem = format!("`mode` is {mode}");
+                Err(LoadError::input(self.place(path), problem, "modes are 0 to 6; 4 is triangles"))
+            }
+        }
+    }
+}

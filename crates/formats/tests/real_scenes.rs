@@ -1,0 +1,126 @@
+//! Loads every real scene of the supported formats. The files lie where `HELIOSTAT_SCENES` points; without it these
+//! tests pass and say what did not run.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests say what they found and what did not run"
+)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use heliostat_formats::{Limits, Loaded, Severity, load};
+use heliostat_scene::{Geometry, ObjectId, Scene};
+
+/// The folder of real scenes, or a line on stderr.
+fn scenes(test: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("HELIOSTAT_SCENES").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("{test}: not run, because HELIOSTAT_SCENES is not set");
+    }
+    folder
+}
+
+fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            files(&path, found);
+        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz"]
+            .iter()
+            .any(|e| path.to_string_lossy().ends_with(e))
+        {
+            found.push(path);
+        }
+    }
+}
+
+fn applied(path: &Path) -> (Loaded, Scene) {
+    let loaded = load(path, &Limits::default()).unwrap_or_else(|error| panic!("{error}"));
+    let mut scene = Scene::default();
+    scene.apply(&loaded.edits).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    (loaded, scene)
+}
+
+/// Triangles that the scene shows: those of each object as often as it is instanced.
+fn shown_triangles(scene: &Scene) -> usize {
+    let children = scene.children();
+    let mut below: BTreeMap<ObjectId, usize> = BTreeMap::new();
+    let sum = |parent: Option<ObjectId>, below: &BTreeMap<ObjectId, usize>| -> usize {
+        let ids = children.get(&parent).into_iter().flatten();
+        ids.map(|id| below[&scene.instances()[id].object]).sum()
+    };
+    for id in scene.bottom_up() {
+        let own = scene.objects()[&id].parts.iter().map(|part| {
+            let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry] else { return 0 };
+            mesh.indices.len()
+        });
+        let total = own.sum::<usize>() + sum(Some(id), &below);
+        below.insert(id, total);
+    }
+    sum(None, &below)
+}
+
+#[test]
+fn every_scene_loads_and_is_accepted() {
+    let Some(folder) = scenes("every_scene_loads_and_is_accepted") else { return };
+    let mut paths = Vec::new();
+    files(&folder, &mut paths);
+    assert!(paths.len() > 500, "only {} files below {}", paths.len(), folder.display());
+    for path in paths {
+        let (loaded, scene) = applied(&path);
+        assert!(shown_triangles(&scene) > 0, "{} shows nothing", path.display());
+        let bounds = scene.bounds().unwrap();
+        assert!(bounds.min.is_finite() && bounds.max.is_finite());
+        for diagnostic in loaded.diagnostics.iter().filter(|d| d.severity == Severity::Warning) {
+            println!("{diagnostic}");
+        }
+    }
+}
+
+#[test]
+fn triangle_counts_are_those_of_the_index() {
+    let Some(folder) = scenes("triangle_counts_are_those_of_the_index") else { return };
+    for (file, triangles) in [
+        ("cornell-mcguire/CornellBox-Glossy.obj", 1_112),
+        ("cornell-mcguire/CornellBox-Mirror.obj", 36),
+        ("cornell-mcguire/CornellBox-Original.obj", 36),
+        ("cornell-mcguire/CornellBox-Sphere.obj", 2_188),
+        ("gltf/2CylinderEngine/2CylinderEngine.glb", 121_496),
+        ("gltf/AnimatedMorphCube/AnimatedMorphCube.gltf", 12),
+        ("gltf/BoxTextured/BoxTextured.gltf", 12),
+        ("gltf/CesiumMan/CesiumMan.glb", 4_672),
+        ("gltf/ClearCoat-glTF/ClearCoatTest.gltf", 37_116),
+        ("gltf/CornellBox-bevy/CornellBox.glb", 36),
+        ("gltf/DamagedHelmet/DamagedHelmet.glb", 15_452),
+        ("gltf/FlightHelmet/FlightHelmet.gltf", 94_722),
+        ("gltf/Fox/Fox.glb", 576),
+        ("gltf/MorphStressTest/MorphStressTest.gltf", 2_412),
+        ("gltf/NormalTangentTest/NormalTangentTest.glb", 7_774),
+        ("gltf/PalmTree/PalmTree.gltf", 10_124),
+        ("gltf/SimpleSkin/SimpleSkin.gltf", 8),
+        ("gltf/TransmissionRoughnessTest/TransmissionRoughnessTest.glb", 77_792),
+        ("gltf/cameras/Cameras.gltf", 2),
+        ("gltf/punctual_lights-castle/test_lights.glb", 1_730),
+        ("gltf/punctual_lights-castle/test_lights.gltf", 1_730),
+        ("gltf/textureTransform/TextureTransformTest.gltf", 24),
+        ("meshes/cow.obj", 5_804),
+        ("meshes/fandisk.obj", 12_946),
+        ("meshes/spot/spot_triangulated.obj", 5_856),
+        ("meshes/stanford-bunny.obj", 69_451),
+        ("meshes/suzanne.obj", 968),
+        ("meshes/teapot.obj", 6_320),
+        ("office-mgf/office.obj", 51_544),
+        ("sponza-dabrovic/sponza.obj", 66_450),
+        ("stanford-dragon/dragon_vrip.ply.gz", 871_414),
+        ("stanford-dragon/dragon_vrip_res2.ply.gz", 202_520),
+        ("stanford-dragon/dragon_vrip_res3.ply.gz", 47_794),
+        ("stanford-dragon/dragon_vrip_res4.ply.gz", 11_102),
+    ] {
+        let start = std::time::Instant::now();
+        let (_, scene) = applied(&folder.join(file));
+        println!("{file}: {} ms", start.elapsed().as_millis());
+        assert_eq!(shown_triangles(&scene), triangles, "{file}");
+    }
+}

@@ -1,0 +1,203 @@
+//! From the triangles that a tile settled on to hits: the intersection again, 16 rays at a time, in the form that
+//! is precise near the ray rather than cheap for many [Woop, Benthin and Wald 2013].
+use fearless_simd::{f32x16, prelude::*};
+
+use super::{
+    Answers,
+    work::{Face, GROUP, LevelRays, Work},
+};
+use crate::{
+    layout::WIDTH,
+    ray::{Hit, PathId},
+    triangle_bvh::TriangleBvh,
+};
+
+type Lanes = [f32; GROUP];
+type Triple<S> = [f32x16<S>; 3];
+
+/// The corners of each lane's triangle, in the face's axis order.
+#[repr(C, align(64))]
+struct Corners([[Lanes; 3]; 3]);
+
+/// What is exact about 16 hits; the normal is in the object's axis order.
+#[repr(C, align(64))]
+struct Exact {
+    t: Lanes,
+    u: Lanes,
+    v: Lanes,
+    normal: [Lanes; 3],
+}
+
+/// Writes the hits of all rays of `work` that found a triangle.
+#[inline(always)]
+pub(super) fn hits<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    path: PathId,
+    rays: &LevelRays,
+    face: Face,
+    work: &Work,
+    answers: &mut Answers<'_>,
+) {
+    let mut corners = Corners([[[0.0; GROUP]; 3]; 3]);
+    for g in 0..work.groups {
+        let bits = found(simd, work, g);
+        if bits == 0 {
+            continue;
+        }
+        gather(bvh, face, &work.id[g], bits, &mut corners);
+        let exact = intersect(simd, &corners, rays, face, work, g);
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            let i = g * GROUP + lane;
+            let slot = rays.slot[i];
+            let id = work.id[g][lane] as usize;
+            let (geometry, primitive) = bvh.locate(bvh.blocks[id / WIDTH].triangle[id % WIDTH]);
+            let hit = &mut answers.hits[usize::from(slot)];
+            let ng = [exact.normal[0][lane], exact.normal[1][lane], exact.normal[2][lane]];
+            *hit = Hit {
+                t: inside(exact.t[lane], rays.t_min[i], hit.t),
+                u: exact.u[lane],
+                v: exact.v[lane],
+                ng: ng.into(),
+                geometry,
+                primitive,
+                path,
+            };
+            answers.set(slot);
+        }
+    }
+}
+
+/// Marks all rays of `work` that found a triangle.
+#[inline(always)]
+pub(super) fn occluded<S: Simd>(simd: S, rays: &LevelRays, work: &Work, answers: &mut Answers<'_>) {
+    for g in 0..work.groups {
+        let mut rest = found(simd, work, g);
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            answers.set(rays.slot[g * GROUP + lane]);
+        }
+    }
+}
+
+/// The lanes of group `g` that found a triangle.
+#[inline(always)]
+fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
+    let id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
+    id.simd_lt(fearless_simd::u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
+}
+
+#[inline(always)]
+fn gather(bvh: &TriangleBvh, face: Face, ids: &[u32; GROUP], bits: u16, corners: &mut Corners) {
+    let [u, v, k] = face.axes;
+    let mut rest = bits;
+    while rest != 0 {
+        let lane = (rest.trailing_zeros() & 15) as usize;
+        rest &= rest - 1;
+        let id = ids[lane] as usize;
+        let vertex = &bvh.blocks[id / WIDTH].vertex;
+        for (to, from) in corners.0.iter_mut().zip(vertex) {
+            to[0][lane] = from[u % 3][id % WIDTH];
+            to[1][lane] = from[v % 3][id % WIDTH];
+            to[2][lane] = from[k % 3][id % WIDTH];
+        }
+    }
+}
+
+#[inline(always)]
+fn intersect<S: Simd>(
+    simd: S,
+    corners: &Corners,
+    rays: &LevelRays,
+    face: Face,
+    work: &Work,
+    g: usize,
+) -> Exact {
+    let [ku, kv, kk] = face.axes;
+    let origin = rays.origin.to_array();
+    let origin = [origin[ku % 3], origin[kv % 3], origin[kk % 3]];
+    let a = relative(simd, &corners.0[0], origin);
+    let b = relative(simd, &corners.0[1], origin);
+    let c = relative(simd, &corners.0[2], origin);
+    let sign = f32x16::splat(simd, face.sign);
+    let u = f32x16::load_array_ref(simd, &work.u[g]) * sign;
+    let v = f32x16::load_array_ref(simd, &work.v[g]) * sign;
+    // Each corner as seen along the ray, then the weights of the corners.
+    let (ax, ay) = (a[0] - u * a[2], a[1] - v * a[2]);
+    let (bx, by) = (b[0] - u * b[2], b[1] - v * b[2]);
+    let (cx, cy) = (c[0] - u * c[2], c[1] - v * c[2]);
+    let (w0, w1, w2) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
+    let zero = f32x16::splat(simd, 0.0);
+    let one = f32x16::splat(simd, 1.0);
+    let side = one.copysign(w0 + w1 + w2);
+    let (w0, w1, w2) = ((w0 * side).max(zero), (w1 * side).max(zero), (w2 * side).max(zero));
+    let sum = w0 + w1 + w2;
+    let thin = sum.simd_eq(zero);
+    let inverse = one / thin.select(one, sum);
+    let third = f32x16::splat(simd, 1.0 / 3.0);
+    let bu = thin.select(third, w1 * inverse).min(one);
+    let bv = thin.select(third, w2 * inverse).min(one - bu);
+    let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse * sign;
+    let depth = thin.select(one / f32x16::load_array_ref(simd, &work.iz[g]), depth);
+    let t = depth / f32x16::load_array_ref(simd, &work.scale[g]);
+    let normal = normal(simd, sub(b, a), sub(c, a));
+    let mut exact = Exact { t: t.into(), u: bu.into(), v: bv.into(), normal: [[0.0; GROUP]; 3] };
+    for (axis, n) in face.axes.into_iter().zip(normal) {
+        exact.normal[axis % 3] = n.into();
+    }
+    exact
+}
+
+/// The unit vector along `e1 × e2`. Axis orders are cyclic, so the cross product keeps its sense.
+#[inline(always)]
+fn normal<S: Simd>(simd: S, e1: Triple<S>, e2: Triple<S>) -> Triple<S> {
+    let x = product_difference(e1[1], e2[2], e1[2], e2[1]);
+    let y = product_difference(e1[2], e2[0], e1[0], e2[2]);
+    let z = product_difference(e1[0], e2[1], e1[1], e2[0]);
+    // Scaled first, so that squares neither overflow nor vanish.
+    let largest = x.abs().max(y.abs()).max(z.abs()).max(f32x16::splat(simd, f32::MIN_POSITIVE));
+    let scale = f32x16::splat(simd, 1.0) / largest;
+    let (x, y, z) = (x * scale, y * scale, z * scale);
+    let length = (x * x + y * y + z * z).sqrt();
+    let usable = length.simd_gt(f32x16::splat(simd, 0.0));
+    let inverse = f32x16::splat(simd, 1.0) / usable.select(length, f32x16::splat(simd, 1.0));
+    [x * inverse, y * inverse, z * inverse]
+}
+
+/// `ab − cd` with the second product's rounding error put back (Kahan): thin triangles keep their normal.
+#[inline(always)]
+fn product_difference<S: Simd>(a: f32x16<S>, b: f32x16<S>, c: f32x16<S>, d: f32x16<S>) -> f32x16<S> {
+    let cd = c * d;
+    let error = (-c).mul_add(d, cd);
+    a.mul_sub(b, cd) + error
+}
+
+#[inline(always)]
+fn relative<S: Simd>(simd: S, corner: &[Lanes; 3], origin: [f32; 3]) -> Triple<S> {
+    [
+        f32x16::load_array_ref(simd, &corner[0]) - origin[0],
+        f32x16::load_array_ref(simd, &corner[1]) - origin[1],
+        f32x16::load_array_ref(simd, &corner[2]) - origin[2],
+    ]
+}
+
+#[inline(always)]
+fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// `t` moved into the open interval, from which rounding may have pushed it.
+#[inline(always)]
+fn inside(t: f32, t_min: f32, t_max: f32) -> f32 {
+    if t <= t_min {
+        t_min.next_up()
+    } else if t >= t_max {
+        t_max.next_down()
+    } else {
+        t
+    }
+}

@@ -1,0 +1,311 @@
+//! A tile's groups against a block of 8 triangles, in whichever loop order is cheapest.
+//!
+//! Seen from the common origin, the edge functions and the reciprocal depth of a triangle are linear in a ray's
+//! (u, v): a few coefficients per triangle serve all 256 rays. Edge functions are symmetric in the edge's ends,
+//! `e = r · ((b + c) × (c − b))`, which keeps their error near that of the vertices even for small far triangles.
+//! Each gets its own rounding error added, so a ray that is inside is never lost; where two triangles meet they
+//! overlap by that error. Depth comes from the plane, not from the sum of the edge functions, which cancels.
+use fearless_simd::{f32x8, f32x16, prelude::*};
+
+use super::{
+    walk::{BoxRange, Frame, meet},
+    work::{Work, mask16},
+};
+use crate::layout::{Block, WIDTH};
+
+/// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
+const EDGE_ERROR: f32 = 4.0 * f32::EPSILON;
+/// Triangles whose plane passes the origin within this fraction of their distance are edge-on: thinner than the
+/// overlap of their neighbours, and without a usable depth.
+const EDGE_ON: f32 = 1.0e-6;
+
+/// Coefficients over (u, v, 1) for 8 triangles.
+#[repr(C, align(64))]
+pub(super) struct Setup {
+    /// `edge[i]`: not negative inside.
+    edge: [[[f32; WIDTH]; 3]; 3],
+    /// Reciprocal depth.
+    depth: [[f32; WIDTH]; 3],
+}
+
+type Triple<S> = [f32x8<S>; 3];
+
+impl Setup {
+    pub(super) const EMPTY: Self = Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3] };
+
+    /// Sets up a block; a bit for each triangle that can be seen from the origin within `far`.
+    #[inline(always)]
+    fn fill<S: Simd>(&mut self, simd: S, frame: &Frame, block: &Block, rect: [f32; 4], far: f32) -> u32 {
+        let a = vertex(simd, frame, &block.vertex[0]);
+        let b = vertex(simd, frame, &block.vertex[1]);
+        let c = vertex(simd, frame, &block.vertex[2]);
+        let zero = f32x8::splat(simd, 0.0);
+        let nearest = a[2].min(b[2]).min(c[2]);
+        let farthest = a[2].max(b[2]).max(c[2]);
+        let in_range = nearest.simd_le(f32x8::splat(simd, far)) & farthest.simd_gt(zero);
+
+        let (f0, f1, f2) = (sub(c, b), sub(a, c), sub(b, a));
+        let n = cross(f1, f2);
+        let terms = [a[0] * n[0], a[1] * n[1], a[2] * n[2]];
+        let volume = terms[0] + terms[1] + terms[2];
+        let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
+        let seen = in_range & volume.abs().simd_gt(size * EDGE_ON);
+        if seen.to_bitmask() == 0 {
+            return 0;
+        }
+        let sign = f32x8::splat(simd, 1.0).copysign(volume);
+        let inverse = f32x8::splat(simd, 1.0) / volume;
+        for (depth, n) in self.depth.iter_mut().zip(n) {
+            *depth = (n * inverse).into();
+        }
+        let direction = rect[1].abs().max(rect[0].abs()).max(rect[3].abs()).max(rect[2].abs()).max(1.0);
+        let distance = largest(a, b, c, 0) + largest(a, b, c, 1) + largest(a, b, c, 2);
+        let error = distance * (2.0 * EDGE_ERROR * direction);
+        let [u0, u1, v0, v1] = rect;
+        let mut touching = seen;
+        for (i, (s, f)) in [(add(b, c), f0), (add(c, a), f1), (add(a, b), f2)].into_iter().enumerate() {
+            let e = cross(s, f);
+            let (eu, ev) = (e[0] * sign, e[1] * sign);
+            let length = f[0].abs() + f[1].abs() + f[2].abs();
+            let ek = e[2].mul_add(sign, error * length);
+            let most = (eu * u0).max(eu * u1) + (ev * v0).max(ev * v1) + ek;
+            touching &= most.simd_ge(zero);
+            self.edge[i] = [eu.into(), ev.into(), ek.into()];
+        }
+        touching.to_bitmask() as u32
+    }
+
+    /// The triangles in `bits` that a rectangle of rays may meet.
+    #[inline(always)]
+    fn meeting<S: Simd>(&self, simd: S, rect: [f32; 4], bits: u32) -> u32 {
+        let [u0, u1, v0, v1] = rect;
+        let zero = f32x8::splat(simd, 0.0);
+        let mut least = f32x8::splat(simd, f32::INFINITY);
+        for edge in &self.edge {
+            let [eu, ev, ek] = load(simd, edge);
+            least = least.min((eu * u0).max(eu * u1) + ((ev * v0).max(ev * v1) + ek));
+        }
+        least.simd_ge(zero).to_bitmask() as u32 & bits
+    }
+
+    /// The groups that may meet triangle `lane`.
+    #[inline(always)]
+    fn groups_meeting<S: Simd>(&self, simd: S, work: &Work, lane: usize, mask: u16) -> u16 {
+        let (u0, u1) = (f32x16::load_array_ref(simd, &work.u0), f32x16::load_array_ref(simd, &work.u1));
+        let (v0, v1) = (f32x16::load_array_ref(simd, &work.v0), f32x16::load_array_ref(simd, &work.v1));
+        let mut least = f32x16::splat(simd, f32::INFINITY);
+        for edge in &self.edge {
+            let [eu, ev, ek] = [edge[0][lane & 7], edge[1][lane & 7], edge[2][lane & 7]];
+            // Which corner counts is the same for all groups.
+            let (u, v) = (if eu > 0.0 { u1 } else { u0 }, if ev > 0.0 { v1 } else { v0 });
+            let e = u.mul_add(f32x16::splat(simd, eu), v.mul_add(f32x16::splat(simd, ev), f32x16::splat(simd, ek)));
+            least = least.min(e);
+        }
+        least.simd_ge(f32x16::splat(simd, 0.0)).to_bitmask() as u16 & mask
+    }
+}
+
+/// Tests a block against the groups in `mask`; a bit for each group whose rays changed.
+#[inline(always)]
+pub(super) fn test_block<S: Simd, const ANY: bool>(
+    simd: S,
+    frame: &Frame,
+    work: &mut Work,
+    setup: &mut Setup,
+    blocks: &[Block],
+    block: usize,
+    mask: u16,
+    range: &BoxRange,
+) -> u16 {
+    let rect = work.rect_of(mask);
+    let bits = setup.fill(simd, frame, &blocks[block], rect, work.far);
+    if bits == 0 {
+        return 0;
+    }
+    let mut changed = 0;
+    if mask.count_ones() <= bits.count_ones() {
+        let mut rest = mask;
+        while rest != 0 {
+            let g = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            let bits = setup.meeting(simd, [work.u0[g], work.u1[g], work.v0[g], work.v1[g]], bits);
+            if bits == 0 {
+                continue;
+            }
+            let rays = rays_meeting(simd, work, g, range, frame.slack);
+            let hit = if rays.count_ones() <= bits.count_ones() {
+                each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+            } else {
+                each_triangle::<S, ANY>(simd, work, setup, g, bits, block)
+            };
+            changed |= u16::from(hit) << g;
+        }
+    } else {
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 7) as usize;
+            rest &= rest - 1;
+            let mut groups = setup.groups_meeting(simd, work, lane, mask);
+            while groups != 0 {
+                let g = (groups.trailing_zeros() & 15) as usize;
+                groups &= groups - 1;
+                let hit = each_triangle::<S, ANY>(simd, work, setup, g, 1 << lane, block);
+                changed |= u16::from(hit) << g;
+            }
+        }
+    }
+    changed
+}
+
+/// The rays of group `g` that meet the leaf's box nearer than what they have.
+#[inline(always)]
+fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack: f32) -> u16 {
+    let (u, v) = (&work.u[g], &work.v[g]);
+    let met = meet(simd, range, slack, [u, u], [v, v]);
+    let iz = f32x16::load_array_ref(simd, &work.iz[g]);
+    let nearer = (iz * range.near).simd_le(f32x16::splat(simd, 1.0 + 8.0 * f32::EPSILON));
+    (met & nearer).to_bitmask() as u16
+}
+
+/// 16 rays in lanes, one triangle after the other.
+#[inline(always)]
+fn each_triangle<S: Simd, const ANY: bool>(
+    simd: S,
+    work: &mut Work,
+    setup: &Setup,
+    g: usize,
+    bits: u32,
+    block: usize,
+) -> bool {
+    let u = f32x16::load_array_ref(simd, &work.u[g]);
+    let v = f32x16::load_array_ref(simd, &work.v[g]);
+    let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
+    let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
+    let mut id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
+    let zero = f32x16::splat(simd, 0.0);
+    let mut any = mask16(simd, 0);
+    let mut rest = bits;
+    while rest != 0 {
+        let lane = (rest.trailing_zeros() & 7) as usize;
+        rest &= rest - 1;
+        let e0 = plane(simd, &setup.edge[0], lane, u, v);
+        let e1 = plane(simd, &setup.edge[1], lane, u, v);
+        let e2 = plane(simd, &setup.edge[2], lane, u, v);
+        let z = plane(simd, &setup.depth, lane, u, v);
+        let hit = e0.min(e1).min(e2).simd_ge(zero) & z.simd_gt(iz) & z.simd_lt(start);
+        any |= hit;
+        if ANY {
+            iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
+        } else {
+            iz = hit.select(z, iz);
+        }
+        id = hit.select(fearless_simd::u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
+    }
+    if any.to_bitmask() == 0 {
+        return false;
+    }
+    work.iz[g] = iz.into();
+    work.id[g] = id.into();
+    true
+}
+
+/// 8 triangles in lanes, one ray after the other: for the few rays of a scattered group.
+#[inline(always)]
+fn each_ray<S: Simd, const ANY: bool>(
+    simd: S,
+    work: &mut Work,
+    setup: &Setup,
+    g: usize,
+    rays: u16,
+    bits: u32,
+    block: usize,
+) -> bool {
+    let edge = [load(simd, &setup.edge[0]), load(simd, &setup.edge[1]), load(simd, &setup.edge[2])];
+    let depth = load(simd, &setup.depth);
+    let zero = f32x8::splat(simd, 0.0);
+    let mut any = false;
+    let mut rest = rays;
+    while rest != 0 {
+        let r = (rest.trailing_zeros() & 15) as usize;
+        rest &= rest - 1;
+        let (u, v) = (f32x8::splat(simd, work.u[g][r]), f32x8::splat(simd, work.v[g][r]));
+        let e0 = edge[0][0].mul_add(u, edge[0][1].mul_add(v, edge[0][2]));
+        let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
+        let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
+        let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2]));
+        let hit = e0.min(e1).min(e2).simd_ge(zero)
+            & z.simd_gt(f32x8::splat(simd, work.iz[g][r]))
+            & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
+        let mut hits = hit.to_bitmask() as u32 & bits;
+        if hits == 0 {
+            continue;
+        }
+        any = true;
+        if ANY {
+            work.iz[g][r] = f32::INFINITY;
+            work.id[g][r] = 0;
+            continue;
+        }
+        let z: [f32; 8] = z.into();
+        while hits != 0 {
+            let lane = (hits.trailing_zeros() & 7) as usize;
+            hits &= hits - 1;
+            if z[lane] > work.iz[g][r] {
+                work.iz[g][r] = z[lane];
+                work.id[g][r] = (block * WIDTH + lane) as u32;
+            }
+        }
+    }
+    any
+}
+
+/// A linear function of (u, v) with the coefficients of one lane.
+#[inline(always)]
+fn plane<S: Simd>(simd: S, c: &[[f32; WIDTH]; 3], lane: usize, u: f32x16<S>, v: f32x16<S>) -> f32x16<S> {
+    let [cu, cv, ck] = [c[0][lane & 7], c[1][lane & 7], c[2][lane & 7]];
+    u.mul_add(f32x16::splat(simd, cu), v.mul_add(f32x16::splat(simd, cv), f32x16::splat(simd, ck)))
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, c: &[[f32; WIDTH]; 3]) -> Triple<S> {
+    [
+        f32x8::load_array_ref(simd, &c[0]),
+        f32x8::load_array_ref(simd, &c[1]),
+        f32x8::load_array_ref(simd, &c[2]),
+    ]
+}
+
+/// A corner relative to the origin, in the face's axis order.
+#[inline(always)]
+fn vertex<S: Simd>(simd: S, frame: &Frame, vertex: &[[f32; WIDTH]; 3]) -> Triple<S> {
+    let [u, v, k] = frame.face.axes;
+    [
+        f32x8::load_array_ref(simd, &vertex[u % 3]) - frame.origin[0],
+        f32x8::load_array_ref(simd, &vertex[v % 3]) - frame.origin[1],
+        (f32x8::load_array_ref(simd, &vertex[k % 3]) - frame.origin[2]) * frame.face.sign,
+    ]
+}
+
+#[inline(always)]
+fn add<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn cross<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
+    [
+        a[1].mul_sub(b[2], a[2] * b[1]),
+        a[2].mul_sub(b[0], a[0] * b[2]),
+        a[0].mul_sub(b[1], a[1] * b[0]),
+    ]
+}
+
+#[inline(always)]
+fn largest<S: Simd>(a: Triple<S>, b: Triple<S>, c: Triple<S>, axis: usize) -> f32x8<S> {
+    a[axis].abs().max(b[axis].abs()).max(c[axis].abs())
+}

@@ -1,0 +1,284 @@
+//! The rays of a tile in projective form: 16 groups of 16 rays, seen from their common origin.
+//!
+//! The dominant axis k points away from the origin; a ray is (u, v) = its direction over its k component, and a
+//! depth K along k is kept as its reciprocal `iz`, which is linear over a triangle. A larger `iz` is nearer.
+use fearless_simd::{f32x16, prelude::*};
+use glam::Vec3A;
+
+use crate::{tile::Tile, traverse::local::LocalRay};
+
+/// Rays per group, and groups per tile.
+pub(super) const GROUP: usize = 16;
+/// A ray belongs to a face if its k component is at least this fraction of the others, so |u|, |v| ≤ 4.
+const FACE_FRACTION: f32 = 0.25;
+/// Groups reach farther by this factor than their rays' limits say, for the rounding of the reciprocals.
+const REACH_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
+
+/// One value per ray of a tile, by group and lane.
+pub(super) type PerRay<T> = [[T; GROUP]; GROUP];
+
+/// Rays in the space of the object at hand; `slot` is the ray's place in the caller's tile.
+#[repr(align(64))]
+#[derive(Clone, Debug)]
+pub(super) struct LevelRays {
+    pub origin: Vec3A,
+    pub direction: [[f32; Tile::CAPACITY]; 3],
+    pub t_min: [f32; Tile::CAPACITY],
+    pub t_max: [f32; Tile::CAPACITY],
+    pub slot: [u8; Tile::CAPACITY],
+    pub len: usize,
+}
+
+impl LevelRays {
+    pub(super) const EMPTY: Self = Self {
+        origin: Vec3A::ZERO,
+        direction: [[0.0; Tile::CAPACITY]; 3],
+        t_min: [0.0; Tile::CAPACITY],
+        t_max: [0.0; Tile::CAPACITY],
+        slot: [0; Tile::CAPACITY],
+        len: 0,
+    };
+
+    #[inline(always)]
+    pub(super) fn push(&mut self, direction: Vec3A, t_min: f32, t_max: f32, slot: u8) {
+        let i = self.len & (Tile::CAPACITY - 1);
+        self.direction[0][i] = direction.x;
+        self.direction[1][i] = direction.y;
+        self.direction[2][i] = direction.z;
+        self.t_min[i] = t_min;
+        self.t_max[i] = t_max;
+        self.slot[i] = slot;
+        self.len = i + 1;
+    }
+
+    /// The sum of all directions.
+    #[inline(always)]
+    pub(super) fn mean_direction<S: Simd>(&self, simd: S) -> Vec3A {
+        let zero = f32x16::splat(simd, 0.0);
+        let mut sum = [zero; 3];
+        for (axis, sum) in sum.iter_mut().enumerate() {
+            for g in 0..self.len.div_ceil(GROUP) {
+                let d = f32x16::load_array_ref(simd, &self.direction[axis].as_chunks::<GROUP>().0[g]);
+                *sum += first_lanes(simd, self.len - g * GROUP).select(d, zero);
+            }
+        }
+        Vec3A::new(sum[0].reduce_sum(), sum[1].reduce_sum(), sum[2].reduce_sum())
+    }
+
+    /// Whether `face` takes every ray.
+    #[inline(always)]
+    pub(super) fn all_on<S: Simd>(&self, simd: S, face: Face) -> bool {
+        let [u, v, k] = face.axes.map(|axis| self.direction[axis % 3].as_chunks::<GROUP>().0);
+        let mut outside = 0;
+        for g in 0..self.len.div_ceil(GROUP) {
+            let across = f32x16::load_array_ref(simd, &u[g]).abs().max(f32x16::load_array_ref(simd, &v[g]).abs());
+            let along = f32x16::load_array_ref(simd, &k[g]) * face.sign;
+            let used = first_lanes(simd, self.len - g * GROUP);
+            outside |= (used & along.simd_lt(across * FACE_FRACTION)).to_bitmask();
+        }
+        outside == 0
+    }
+
+    #[inline(always)]
+    pub(super) fn direction(&self, i: usize) -> Vec3A {
+        Vec3A::new(self.direction[0][i], self.direction[1][i], self.direction[2][i])
+    }
+}
+
+/// One of the six directions of the cube, and the axis order (u, v, k) that goes with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Face {
+    pub axes: [usize; 3],
+    /// +1 or −1: the sign of k components.
+    pub sign: f32,
+}
+
+impl Face {
+    /// The face that `direction` points through.
+    #[inline(always)]
+    pub(super) fn of(direction: Vec3A) -> Self {
+        let a = direction.abs();
+        let k = if a.x >= a.y && a.x >= a.z {
+            0
+        } else if a.y >= a.z {
+            1
+        } else {
+            2
+        };
+        Self { axes: [(k + 1) % 3, (k + 2) % 3, k], sign: 1.0_f32.copysign(direction[k]) }
+    }
+
+    /// Whether a ray may be projected on this face.
+    #[inline(always)]
+    pub(super) fn takes(&self, d: Vec3A) -> bool {
+        let [u, v, k] = self.axes;
+        d[k] * self.sign >= d[u].abs().max(d[v].abs()) * FACE_FRACTION
+    }
+}
+
+/// Rays on one face, ready for traversal.
+#[repr(C, align(64))]
+#[derive(Clone, Debug)]
+pub(super) struct Work {
+    pub u: PerRay<f32>,
+    pub v: PerRay<f32>,
+    /// Reciprocal depth of the nearest hit so far or of the ray's end; +∞ for lanes that want nothing more.
+    pub iz: PerRay<f32>,
+    /// Reciprocal depth of the ray's start; +∞ for starts at the origin.
+    pub iz_start: PerRay<f32>,
+    /// Depth per unit of the ray's parameter.
+    pub scale: PerRay<f32>,
+    /// `block · 8 + lane` of the nearest hit, or [`Work::NONE`].
+    pub id: PerRay<u32>,
+    /// Rectangle of each group, and the depth beyond which it wants nothing; negative if it is done.
+    pub u0: [f32; GROUP],
+    pub u1: [f32; GROUP],
+    pub v0: [f32; GROUP],
+    pub v1: [f32; GROUP],
+    pub reach: [f32; GROUP],
+    /// Rectangle and reach of all groups together.
+    pub rect: [f32; 4],
+    pub far: f32,
+    pub groups: usize,
+}
+
+impl Work {
+    pub(super) const NONE: u32 = u32::MAX;
+    pub(super) const EMPTY: Self = Self {
+        u: [[0.0; GROUP]; GROUP],
+        v: [[0.0; GROUP]; GROUP],
+        iz: [[f32::INFINITY; GROUP]; GROUP],
+        iz_start: [[f32::INFINITY; GROUP]; GROUP],
+        scale: [[1.0; GROUP]; GROUP],
+        id: [[Self::NONE; GROUP]; GROUP],
+        u0: [f32::INFINITY; GROUP],
+        u1: [f32::NEG_INFINITY; GROUP],
+        v0: [f32::INFINITY; GROUP],
+        v1: [f32::NEG_INFINITY; GROUP],
+        reach: [-1.0; GROUP],
+        rect: [0.0; 4],
+        far: -1.0,
+        groups: 0,
+    };
+
+    /// Projects `rays`, all of which `face` takes.
+    #[inline(always)]
+    pub(super) fn project<S: Simd>(&mut self, simd: S, rays: &LevelRays, face: Face) {
+        let [u, v, k] = face.axes.map(|axis| rays.direction[axis % 3].as_chunks::<GROUP>().0);
+        let t_min = rays.t_min.as_chunks::<GROUP>().0;
+        let t_max = rays.t_max.as_chunks::<GROUP>().0;
+        let one = f32x16::splat(simd, 1.0);
+        let infinity = f32x16::splat(simd, f32::INFINITY);
+        self.groups = rays.len.div_ceil(GROUP);
+        for g in 0..GROUP {
+            if g >= self.groups {
+                (self.reach[g], self.u0[g], self.u1[g]) = (-1.0, f32::INFINITY, f32::NEG_INFINITY);
+                (self.v0[g], self.v1[g]) = (f32::INFINITY, f32::NEG_INFINITY);
+                continue;
+            }
+            let used = first_lanes(simd, rays.len - g * GROUP);
+            let scale = f32x16::load_array_ref(simd, &k[g]) * face.sign;
+            let scale = used.select(scale, one);
+            let inverse = one / scale;
+            let u = used.select(f32x16::load_array_ref(simd, &u[g]) * inverse, infinity);
+            let v = used.select(f32x16::load_array_ref(simd, &v[g]) * inverse, infinity);
+            self.u0[g] = u.reduce_min();
+            self.v0[g] = v.reduce_min();
+            self.u1[g] = used.select(u, -infinity).reduce_max();
+            self.v1[g] = used.select(v, -infinity).reduce_max();
+            let zero = f32x16::splat(simd, 0.0);
+            self.u[g] = used.select(u, zero).into();
+            self.v[g] = used.select(v, zero).into();
+            let end = one / (f32x16::load_array_ref(simd, &t_max[g]) * scale);
+            let start = one / (f32x16::load_array_ref(simd, &t_min[g]).max(zero) * scale);
+            self.iz[g] = used.select(end, infinity).into();
+            self.iz_start[g] = used.select(start, infinity).into();
+            self.scale[g] = scale.into();
+            self.id[g] = [Self::NONE; GROUP];
+            self.update_reach(simd, g);
+        }
+        self.rect = [
+            f32x16::load_array_ref(simd, &self.u0).reduce_min(),
+            f32x16::load_array_ref(simd, &self.u1).reduce_max(),
+            f32x16::load_array_ref(simd, &self.v0).reduce_min(),
+            f32x16::load_array_ref(simd, &self.v1).reduce_max(),
+        ];
+        self.update_far(simd);
+    }
+
+    /// Recomputes how far group `g` still looks.
+    #[inline(always)]
+    pub(super) fn update_reach<S: Simd>(&mut self, simd: S, g: usize) {
+        let least = f32x16::load_array_ref(simd, &self.iz[g]).reduce_min();
+        self.reach[g] = if least < f32::INFINITY { REACH_SLACK / least } else { -1.0 };
+    }
+
+    #[inline(always)]
+    pub(super) fn update_far<S: Simd>(&mut self, simd: S) {
+        self.far = f32x16::load_array_ref(simd, &self.reach).reduce_max();
+    }
+
+    /// The groups that look at least as far as `depth`.
+    #[inline(always)]
+    pub(super) fn reaching<S: Simd>(&self, simd: S, depth: f32) -> u16 {
+        let reach = f32x16::load_array_ref(simd, &self.reach);
+        reach.simd_ge(f32x16::splat(simd, depth)).to_bitmask() as u16
+    }
+
+    /// The smallest rectangle around the groups in `mask`: (u0, u1, v0, v1).
+    #[inline(always)]
+    pub(super) fn rect_of(&self, mask: u16) -> [f32; 4] {
+        if mask.count_ones() > 4 {
+            return self.rect;
+        }
+        let mut rect = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        let mut rest = mask;
+        while rest != 0 {
+            let g = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            rect[0] = rect[0].min(self.u0[g]);
+            rect[1] = rect[1].max(self.u1[g]);
+            rect[2] = rect[2].min(self.v0[g]);
+            rect[3] = rect[3].max(self.v1[g]);
+        }
+        rect
+    }
+}
+
+/// Whether the first `len` rays of a tile can all hit something, as far as their directions and intervals go.
+#[inline(always)]
+pub(super) fn usable<S: Simd>(simd: S, tile: &Tile, len: usize) -> bool {
+    let [x, y, z] = &tile.direction;
+    let (x, y, z) = (x.as_chunks::<GROUP>().0, y.as_chunks::<GROUP>().0, z.as_chunks::<GROUP>().0);
+    let (t_min, t_max) = (tile.t_min.as_chunks::<GROUP>().0, tile.t_max.as_chunks::<GROUP>().0);
+    let (least, most) = (*LocalRay::DIRECTION_RANGE.start(), *LocalRay::DIRECTION_RANGE.end());
+    let zero = f32x16::splat(simd, 0.0);
+    let mut bad = 0;
+    for g in 0..len.div_ceil(GROUP) {
+        let dx = f32x16::load_array_ref(simd, &x[g]).abs();
+        let dy = f32x16::load_array_ref(simd, &y[g]).abs();
+        let dz = f32x16::load_array_ref(simd, &z[g]).abs();
+        let most = f32x16::splat(simd, most);
+        let start = f32x16::load_array_ref(simd, &t_min[g]);
+        let end = f32x16::load_array_ref(simd, &t_max[g]);
+        // Every comparison is false for NaN.
+        let finite = dx.simd_le(most) & dy.simd_le(most) & dz.simd_le(most);
+        let long = dx.max(dy).max(dz).simd_ge(f32x16::splat(simd, least));
+        // Negative starts go the slow way, which clamps them.
+        let interval = start.simd_lt(end) & start.simd_ge(zero);
+        let good = (finite & long & interval).to_bitmask();
+        bad |= !good & first_lanes(simd, len - g * GROUP).to_bitmask();
+    }
+    bad == 0
+}
+
+/// The first `count` of 16 lanes.
+#[inline(always)]
+fn first_lanes<S: Simd>(simd: S, count: usize) -> fearless_simd::mask32x16<S> {
+    mask16(simd, ((1_u32 << count.min(GROUP)) - 1) as u16)
+}
+
+#[inline(always)]
+pub(super) fn mask16<S: Simd>(simd: S, bits: u16) -> fearless_simd::mask32x16<S> {
+    fearless_simd::mask32x16::from_bitmask(simd, u64::from(bits))
+}

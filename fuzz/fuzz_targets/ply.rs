@@ -1,0 +1,7 @@
+//! PLY, plain or compressed.
+#![no_main]
+
+use heliostat_formats::NoFiles;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| heliostat_fuzz::load("a.ply", data, &NoFiles));
