@@ -98,7 +98,10 @@ impl Setup {
             let [eu, ev, ek] = [edge[0][lane & 7], edge[1][lane & 7], edge[2][lane & 7]];
             // Which corner counts is the same for all groups.
             let (u, v) = (if eu > 0.0 { u1 } else { u0 }, if ev > 0.0 { v1 } else { v0 });
-            let e = u.mul_add(f32x16::splat(simd, eu), v.mul_add(f32x16::splat(simd, ev), f32x16::splat(simd, ek)));
+            let e = u.mul_add(
+                f32x16::splat(simd, eu),
+                v.mul_add(f32x16::splat(simd, ev), f32x16::splat(simd, ek)),
+            );
             least = least.min(e);
         }
         least.simd_ge(f32x16::splat(simd, 0.0)).to_bitmask() as u16 & mask
@@ -298,11 +301,7 @@ fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
 
 #[inline(always)]
 fn cross<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
-    [
-        a[1].mul_sub(b[2], a[2] * b[1]),
-        a[2].mul_sub(b[0], a[0] * b[2]),
-        a[0].mul_sub(b[1], a[1] * b[0]),
-    ]
+    [a[1].mul_sub(b[2], a[2] * b[1]), a[2].mul_sub(b[0], a[0] * b[2]), a[0].mul_sub(b[1], a[1] * b[0])]
 }
 
 #[inline(always)]

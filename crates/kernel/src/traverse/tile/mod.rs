@@ -16,11 +16,7 @@ use self::{
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Work},
 };
-use super::{
-    batch, instances,
-    local::LocalRay,
-    stack::Stack,
-};
+use super::{batch, instances, local::LocalRay, stack::Stack};
 use crate::{
     layout::Child,
     object::{Object, PlacedInstance},
@@ -302,7 +298,14 @@ fn triangles<S: Simd, const ANY: bool>(
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY>(
-                simd, &frame, work, &mut setup, &bvh.blocks, block, visit.mask, &range,
+                simd,
+                &frame,
+                work,
+                &mut setup,
+                &bvh.blocks,
+                block,
+                visit.mask,
+                &range,
             );
         }
         if changed != 0 {

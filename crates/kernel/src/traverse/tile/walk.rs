@@ -191,7 +191,8 @@ fn open<S: Simd>(
         if bits >> lane & 1 == 0 {
             continue;
         }
-        let range = BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
+        let range =
+            BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
         let met = meet(simd, &range, frame.slack, [&work.u0, &work.u1], [&work.v0, &work.v1]);
         let mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
         if mask != 0 {

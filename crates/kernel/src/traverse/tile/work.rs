@@ -71,7 +71,8 @@ impl LevelRays {
         let [u, v, k] = face.axes.map(|axis| self.direction[axis % 3].as_chunks::<GROUP>().0);
         let mut outside = 0;
         for g in 0..self.len.div_ceil(GROUP) {
-            let across = f32x16::load_array_ref(simd, &u[g]).abs().max(f32x16::load_array_ref(simd, &v[g]).abs());
+            let across =
+                f32x16::load_array_ref(simd, &u[g]).abs().max(f32x16::load_array_ref(simd, &v[g]).abs());
             let along = f32x16::load_array_ref(simd, &k[g]) * face.sign;
             let used = first_lanes(simd, self.len - g * GROUP);
             outside |= (used & along.simd_lt(across * FACE_FRACTION)).to_bitmask();
