@@ -191,7 +191,10 @@ fn a_file_without_light_or_camera_gets_both_and_says_so() {
     assert!(stderr(&lit).contains("no light") && stderr(&lit).contains("no camera"), "{}", stderr(&lit));
     let dark = heliostat(&folder, &format!("{render} -o dark.exr --no-default-light"));
     expect_code(&dark, 0);
-    let grey = heliostat(&folder, &format!("{render} -o grey.exr --environment 0.5 --eye 0,0.5,-3 --target 0,0.5,0"));
+    let grey = heliostat(
+        &folder,
+        &format!("{render} -o grey.exr --environment 0.5 --eye 0,0.5,-3 --target 0,0.5,0"),
+    );
     expect_code(&grey, 0);
     let means = heliostat(&folder, "compare lit.exr dark.exr --json");
     let json: Value = serde_json::from_str(&stdout(&means)).unwrap();

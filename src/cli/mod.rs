@@ -9,6 +9,7 @@ mod console;
 mod failure;
 mod info;
 mod input;
+mod light;
 mod output;
 mod render;
 mod scenes;

@@ -7,18 +7,17 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::{Mat3, Vec3};
-use heliostat::builtin;
 use heliostat::compare::Picture;
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image,
-    MaterialOverride, Plane, Scene, SceneBuilder,
+    MaterialOverride, Plane, Scene,
 };
 use serde_json::{Value, json};
 
 use super::failure::Failure;
 use super::values::{self, Exposure, Size, Surroundings};
-use super::{camera, console, input, output};
+use super::{camera, console, input, light, output};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -32,7 +31,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value = "path")]
     renderer: Renderer,
     /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "1024x768")]
+    #[arg(long, value_name = "WxH", default_value = "640x360")]
     size: Size,
     /// Samples per pixel [default: 64 for path, 16 for direct]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
@@ -146,8 +145,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     edits.extend(environment(arguments.environment.as_ref())?);
     let mut scene = Scene::default();
     scene.apply(&edits)?;
-    if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
-        edits.extend(default_light(&scene));
+    if !light::is_lit(&scene) && !arguments.no_default_light && arguments.environment.is_none() {
+        edits.extend(light::default_light(&scene));
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }
     let aspect = arguments.size.width as f32 / arguments.size.height as f32;
@@ -227,12 +226,6 @@ fn environment_map(path: &Path) -> Result<Environment, Failure> {
         scale: Vec3::ONE,
         world_from_environment: Mat3::IDENTITY,
     }))
-}
-
-fn default_light(scene: &Scene) -> Vec<Edit> {
-    let mut builder = SceneBuilder::continuing(scene);
-    builtin::default_light(&mut builder);
-    builder.finish()
 }
 
 /// Writes one finished frame and says what it took.

@@ -217,10 +217,9 @@ mod tests {
             let noise = (x * 7919 + y * 104_729) % 61;
             [(v + noise).saturating_sub(30), v, if x == 48 || y == 32 { 255 } else { v }]
         };
-        for (test, reference, expected) in [
-            (picture(shifted), picture(ground), 0.256_326),
-            (picture(noisy), picture(ramp), 0.118_629),
-        ] {
+        for (test, reference, expected) in
+            [(picture(shifted), picture(ground), 0.256_326), (picture(noisy), picture(ramp), 0.118_629)]
+        {
             let error = flip(WIDTH, &test, &reference);
             // Single precision and the order of sums.
             assert!((error - expected).abs() < 2e-4, "{error} instead of {expected}");

@@ -30,8 +30,8 @@ pub(crate) fn build() -> Vec<Edit> {
         }
     }
     builder.environment(sky::studio());
-    let (eye, target) = (Vec3::new(0.0, 2.9, 6.0), Vec3::new(0.0, 0.85, -1.3));
-    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.52));
+    let (eye, target) = (Vec3::new(0.0, 3.3, 8.3), Vec3::new(0.0, 0.78, -1.3));
+    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.54));
     builder.camera(Camera::look_at(
         "low",
         Vec3::new(-3.4, 0.7, 3.2),

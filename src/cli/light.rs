@@ -1,0 +1,56 @@
+//! Light for scenes that bring none.
+
+use heliostat::builtin;
+use heliostat::scene::{Edit, Environment, Scene, SceneBuilder};
+
+/// Whether a scene brings light to be seen by. Textured emission does not count: it is glowing labels and displays on
+/// models that are meant to stand in other light.
+pub(super) fn is_lit(scene: &Scene) -> bool {
+    let shines = |material: &heliostat::scene::Material| {
+        material.unlit || (material.is_emissive() && material.emissive_texture.is_none())
+    };
+    let mut parts = scene.objects().values().flat_map(|object| &object.parts);
+    !scene.lights().is_empty()
+        || *scene.environment() != Environment::None
+        || parts.any(|part| shines(&scene.materials()[&part.material]))
+}
+
+/// Edits that add a clear sky and a sun.
+pub(super) fn default_light(scene: &Scene) -> Vec<Edit> {
+    let mut builder = SceneBuilder::continuing(scene);
+    builtin::default_light(&mut builder);
+    builder.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+    use heliostat::scene::{ColorSpace, Image, Material, Mesh, Texture, TextureRef};
+
+    use super::*;
+
+    #[test]
+    fn lamps_are_light_and_glowing_labels_are_not() {
+        let scene_of = |label: bool| {
+            let mut builder = SceneBuilder::new();
+            let image = Arc::new(Image::placeholder());
+            let texture = builder.texture(Texture::new("label", image, ColorSpace::Srgb));
+            let emissive_texture = label.then(|| TextureRef::new(texture));
+            let material =
+                builder.material(Material { emissive_texture, ..Material::emitter("glow", Vec3::ONE) });
+            let quad = builder.mesh(Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y));
+            builder.object("quad", [(quad, material)]);
+            let mut scene = Scene::default();
+            scene.apply(&builder.finish()).unwrap();
+            scene
+        };
+        assert!(is_lit(&scene_of(false)));
+        let mut scene = scene_of(true);
+        assert!(!is_lit(&scene));
+        scene.apply(&default_light(&scene)).unwrap();
+        assert!(is_lit(&scene));
+        assert!(!is_lit(&Scene::default()));
+    }
+}
