@@ -18,7 +18,7 @@ pub(super) fn decode(
     limits: &Limits,
     memory: u64,
 ) -> Result<Image, LoadError> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| failed(file, &e))?;
+    let meta = guarded(file, || MetaData::read_from_buffered(Cursor::new(bytes), false))?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
         check_size(file, width, height, limits)?;
@@ -28,16 +28,32 @@ pub(super) fn decode(
             return Err(too_large(file, limits));
         }
     }
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| failed(file, &e))?;
+    let image = guarded(file, || {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    })?;
     rgba(file, &image.layer_data)
+}
+
+/// Runs the decoder library, which panics on some broken files (arithmetic overflow in B44 blocks, for one). That
+/// becomes an error here: the library works on data of its own, so nothing half-done is left behind.
+fn guarded<T>(
+    file: &Arc<str>,
+    call: impl FnOnce() -> exr::error::Result<T> + std::panic::UnwindSafe,
+) -> Result<T, LoadError> {
+    match std::panic::catch_unwind(call) {
+        Ok(result) => result.map_err(|error| failed(file, &error)),
+        Err(_) => {
+            let hint = "the file may be damaged; if others can read it, convert it to ZIP compression";
+            Err(LoadError::input(Place::whole(file), "the EXR data is broken: the decoder gave up", hint))
+        }
+    }
 }
 
 /// The channels that make a colour, by the last part of their names; a single channel is grey.

@@ -62,6 +62,9 @@ pub(crate) fn load(context: &mut Context<'_>, file: &Arc<str>, bytes: &[u8]) -> 
     Ok(builder.finish())
 }
 
+/// Libraries that one file may name.
+const MAX_LIBRARIES: usize = 1000;
+
 /// The materials of all libraries by name, converted when they are first used.
 struct Materials {
     definitions: HashMap<String, Mtl>,
@@ -92,7 +95,7 @@ impl Materials {
             Ok(bytes) => (vec![(names.to_owned(), bytes)], None),
             Err(error) => {
                 let read = |name: &str| Some((name.to_owned(), context.read(name).ok()?));
-                let several: Vec<&str> = names.split_whitespace().collect();
+                let several: Vec<&str> = names.split_whitespace().take(MAX_LIBRARIES).collect();
                 let files: Vec<_> = if several.len() > 1 {
                     several.iter().copied().filter_map(read).collect()
                 } else {
