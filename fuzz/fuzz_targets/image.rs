@@ -5,8 +5,8 @@ use heliostat_formats::image::decode;
 use heliostat_scene::Pixels;
 use libfuzzer_sys::fuzz_target;
 
-/// The EXR decoder's panics are caught by the importer; libfuzzer's hook would end the process before that. A panic
-/// that nothing catches ends it all the same.
+/// The decoder libraries' panics are caught by the importer; libfuzzer's hook would end the process before that. A
+/// panic that nothing catches ends it all the same.
 fn init() {
     std::panic::set_hook(Box::new(|_| ()));
 }

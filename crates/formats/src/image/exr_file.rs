@@ -7,7 +7,7 @@ use exr::meta::MetaData;
 use exr::prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers, read};
 use heliostat_scene::Image;
 
-use super::{check_size, too_large};
+use super::{check_size, guarded, too_large};
 use crate::error::LoadError;
 use crate::limits::Limits;
 use crate::place::Place;
@@ -18,7 +18,8 @@ pub(super) fn decode(
     limits: &Limits,
     memory: u64,
 ) -> Result<Image, LoadError> {
-    let meta = guarded(file, || MetaData::read_from_buffered(Cursor::new(bytes), false))?;
+    let meta = guarded(file, || MetaData::read_from_buffered(Cursor::new(bytes), false))?
+        .map_err(|error| failed(file, &error))?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
         check_size(file, width, height, limits)?;
@@ -37,23 +38,9 @@ pub(super) fn decode(
             .all_attributes()
             .non_parallel()
             .from_buffered(Cursor::new(bytes))
-    })?;
+    })?
+    .map_err(|error| failed(file, &error))?;
     rgba(file, &image.layer_data)
-}
-
-/// Runs the decoder library, which panics on some broken files (arithmetic overflow in B44 blocks, for one). That
-/// becomes an error here: the library works on data of its own, so nothing half-done is left behind.
-fn guarded<T>(
-    file: &Arc<str>,
-    call: impl FnOnce() -> exr::error::Result<T> + std::panic::UnwindSafe,
-) -> Result<T, LoadError> {
-    match std::panic::catch_unwind(call) {
-        Ok(result) => result.map_err(|error| failed(file, &error)),
-        Err(_) => {
-            let hint = "the file may be damaged; if others can read it, convert it to ZIP compression";
-            Err(LoadError::input(Place::whole(file), "the EXR data is broken: the decoder gave up", hint))
-        }
-    }
 }
 
 /// The channels that make a colour, by the last part of their names; a single channel is grey.
