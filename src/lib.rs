@@ -23,6 +23,7 @@
 #![forbid(unsafe_code)]
 
 pub mod compare;
+pub mod framing;
 
 pub use heliostat_builtin as builtin;
 pub use heliostat_engine as engine;

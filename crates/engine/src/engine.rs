@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
-use heliostat_kernel::Isa;
+use heliostat_kernel::{Isa, RayQuery};
 use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Frame, FrameRequest, FrameStats, MaterialOverride, Progress,
     Scene,
@@ -63,6 +63,11 @@ impl Engine {
     /// The scene as all edits so far have made it.
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Answers rays in world space against the scene as it is, for picking and for placing cameras.
+    pub fn rays(&self) -> &impl RayQuery {
+        self.compiled.world()
     }
 
     /// Renders all regions; threads draw from one queue. Sums come back in the order of the regions.

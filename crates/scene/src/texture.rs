@@ -23,6 +23,9 @@ pub enum Pixels {
 }
 
 impl Image {
+    /// Most pixels along either side: texel coordinates stay exact in single precision.
+    pub const MAX_SIDE: u32 = 1 << 24;
+
     /// An 8-bit RGBA image.
     pub fn rgba8(width: u32, height: u32, pixels: Vec<u8>) -> Self {
         Self { width, height, pixels: Pixels::Rgba8(pixels) }
@@ -49,6 +52,10 @@ impl Image {
         } as u64;
         if expected == 0 {
             return Some(format!("the image is {}×{}; give it at least one pixel", self.width, self.height));
+        }
+        if self.width.max(self.height) > Self::MAX_SIDE {
+            let (width, height, limit) = (self.width, self.height, Self::MAX_SIDE);
+            return Some(format!("the image is {width}×{height}; the limit for either side is {limit}"));
         }
         (len != expected).then(|| {
             format!(

@@ -71,38 +71,47 @@ impl MipMap {
     }
 
     fn point(&self, uv: Vec2) -> Vec4 {
-        let at = uv * self.size();
-        self.texel(&self.base, at.x.floor(), at.y.floor())
+        let (x, _) = floor(uv.x * self.base.width as f32);
+        let (y, _) = floor(uv.y * self.base.height as f32);
+        let x = wrapped(x, self.base.width, self.wrap[0]);
+        texel(&self.base, x, wrapped(y, self.base.height, self.wrap[1]), self.decode)
     }
 
     fn bilinear(&self, level: usize, uv: Vec2) -> Vec4 {
         let image = self.level(level);
-        let at = uv * Vec2::new(image.width as f32, image.height as f32) - 0.5;
-        let (low, f) = (at.floor(), at - at.floor());
-        let row = |y: f32| self.texel(image, low.x, y).lerp(self.texel(image, low.x + 1.0, y), f.x);
-        row(low.y).lerp(row(low.y + 1.0), f.y)
-    }
-
-    fn texel(&self, image: &Image, x: f32, y: f32) -> Vec4 {
-        let x = wrapped(x, image.width, self.wrap[0]);
-        let y = wrapped(y, image.height, self.wrap[1]);
-        texel(image, x, y, self.decode)
+        let (x, fx) = floor(uv.x * image.width as f32 - 0.5);
+        let (y, fy) = floor(uv.y * image.height as f32 - 0.5);
+        let columns = [x, x + 1].map(|x| wrapped(x, image.width, self.wrap[0]));
+        let rows = [y, y + 1].map(|y| wrapped(y, image.height, self.wrap[1]));
+        let at = |row: usize, column: usize| texel(image, columns[column], rows[row], self.decode);
+        at(0, 0).lerp(at(0, 1), fx).lerp(at(1, 0).lerp(at(1, 1), fx), fy)
     }
 }
 
-/// Index of a texel after wrapping a whole-numbered coordinate.
-fn wrapped(at: f32, size: u32, wrap: Wrap) -> u32 {
-    let n = size as f32;
+/// Whole and fractional part of a texel coordinate. Spelt out because the library's `floor` is a call where the
+/// instruction is not part of the baseline.
+fn floor(x: f32) -> (i32, f32) {
+    // Beyond this there are no fractions; the bound keeps the neighbour's index from overflowing.
+    let x = x.clamp(-1e9, 1e9);
+    let truncated = x as i32;
+    let whole = truncated - i32::from(x < truncated as f32);
+    (whole, x - whole as f32)
+}
+
+/// Index of a texel after wrapping.
+fn wrapped(at: i32, size: u32, wrap: Wrap) -> u32 {
+    // The scene limits sides to `Image::MAX_SIDE`, so nothing here overflows.
+    let n = size as i32;
     let inside = match wrap {
-        Wrap::Repeat => at - n * (at / n).floor(),
+        _ if (0..n).contains(&at) => at,
+        Wrap::Repeat => at.rem_euclid(n),
         Wrap::Mirror => {
-            let period = at - 2.0 * n * (at / (2.0 * n)).floor();
-            if period < n { period } else { 2.0 * n - 1.0 - period }
+            let period = at.rem_euclid(2 * n);
+            period.min(2 * n - 1 - period)
         }
-        Wrap::Clamp => at,
+        Wrap::Clamp => at.clamp(0, n - 1),
     };
-    // Casts from float saturate; the upper bound also catches rounding in the lines above.
-    (inside as u32).min(size - 1)
+    inside as u32
 }
 
 /// Linear RGBA of one texel inside the image.

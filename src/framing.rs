@@ -1,0 +1,164 @@
+//! A point of view for scenes that bring none: around things, inside rooms.
+
+use std::f32::consts::TAU;
+
+use glam::{Vec2, Vec3};
+use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_scene::{Camera, SceneBounds};
+use heliostat_shading::sampling::uniform_sphere;
+
+/// Directions looked into from the middle of the scene.
+const PROBES: u32 = 256;
+/// Directions along which a camera may stand inside a room.
+const AZIMUTHS: u32 = 32;
+/// Share of probes that must see the front of something far away for the scene to be a room.
+const ROOM_SHARE: f32 = 0.6;
+/// Vertical field of view inside rooms, radians: wide enough for two walls.
+const ROOM_FOV: f32 = 1.05;
+/// Vertical field of view from outside, radians.
+const OUTSIDE_FOV: f32 = 0.7;
+
+/// A camera that shows a scene well: for a room, from within (or through its open side) along the longest view; for
+/// anything else all of it, in a three-quarter view. `aspect` is the picture's width over its height; `vertical_fov`
+/// (radians) replaces the camera's own choice.
+pub fn frame_scene(
+    rays: &impl RayQuery,
+    bounds: &SceneBounds,
+    aspect: f32,
+    vertical_fov: Option<f32>,
+) -> Camera {
+    match is_room(rays, bounds) {
+        true => inside(rays, bounds, aspect, vertical_fov.unwrap_or(ROOM_FOV)),
+        false => outside(bounds, aspect, vertical_fov.unwrap_or(OUTSIDE_FOV)),
+    }
+}
+
+/// Whether the middle of the bounds sees, in most directions, the front of something not much nearer than the bounds:
+/// walls face their room, while from within a solid all faces are seen from behind.
+fn is_room(rays: &impl RayQuery, bounds: &SceneBounds) -> bool {
+    let center = bounds.center();
+    let probes: Vec<Ray> = (0..PROBES)
+        .map(|i| {
+            let golden = (i as f32 * 0.618_034).fract();
+            Ray::new(center, uniform_sphere(Vec2::new((i as f32 + 0.5) / PROBES as f32, golden)))
+        })
+        .collect();
+    let mut hits = vec![Hit::MISS; probes.len()];
+    rays.intersect(&probes, &mut hits);
+    let walls = probes.iter().zip(&hits).filter(|(ray, hit)| {
+        let exit = distance_to_bounds(bounds, ray.direction);
+        hit.is_hit() && hit.ng.dot(ray.direction) < 0.0 && hit.t > 0.4 * exit
+    });
+    walls.count() as f32 > ROOM_SHARE * PROBES as f32
+}
+
+/// From the middle of the box to its surface.
+fn distance_to_bounds(bounds: &SceneBounds, direction: Vec3) -> f32 {
+    let half = 0.5 * (bounds.max - bounds.min);
+    (half / direction.abs().max(Vec3::splat(1e-6))).min_element()
+}
+
+/// Stands back from the middle of a room as far as something is in the way, in the direction where that is farthest.
+fn inside(rays: &impl RayQuery, bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
+    let center = bounds.center();
+    let backwards: Vec<Ray> = (0..AZIMUTHS)
+        .map(|i| {
+            // Counted from +Z, so that among equals the front view wins.
+            let (sin, cos) = (TAU * i as f32 / AZIMUTHS as f32).sin_cos();
+            Ray::new(center, Vec3::new(sin, 0.0, cos))
+        })
+        .collect();
+    let mut hits = vec![Hit::MISS; backwards.len()];
+    rays.intersect(&backwards, &mut hits);
+    // Through an open side it is enough to step back until the opening fills the picture.
+    let slope = (0.5 * vertical_fov).tan();
+    let half = 0.5 * (bounds.max - bounds.min);
+    let free = |ray: &Ray, hit: &Hit| {
+        let across = Vec3::new(ray.direction.z, 0.0, -ray.direction.x).abs().dot(half);
+        let open = distance_to_bounds(bounds, ray.direction) + (across / aspect).max(half.y) / slope;
+        if hit.is_hit() { (0.9 * hit.t).min(open) } else { open }
+    };
+    let best = backwards.iter().zip(&hits).map(|(ray, hit)| (ray.direction, free(ray, hit)));
+    let (direction, distance) = best.fold((Vec3::Z, 0.0), |a, b| if b.1 > 1.001 * a.1 { b } else { a });
+    Camera::look_at("inside", center + distance.max(1e-3) * direction, center, Vec3::Y, vertical_fov)
+}
+
+/// From above and the right, as near as it can be while every corner of the bounds stays in the picture.
+fn outside(bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
+    const MARGIN: f32 = 1.06;
+    let center = bounds.center();
+    let toward_eye = Vec3::new(0.62, 0.42, 1.0).normalize();
+    let axes =
+        Camera::look_at("", center + toward_eye, center, Vec3::Y, vertical_fov).world_from_camera.matrix3;
+    let slope = (0.5 * vertical_fov).tan();
+    let half = 0.5 * (bounds.max - bounds.min);
+    // A corner at (x, y, z) in camera axes around the centre needs |x| ≤ (d − z) · slope · aspect, and |y| likewise.
+    let distance = (0..8)
+        .map(|i| {
+            Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -half[axis] } else { half[axis] }))
+        })
+        .map(|corner| axes.transpose() * corner)
+        .map(|p| p.z + (p.x.abs() / aspect).max(p.y.abs()) / slope)
+        .fold(0.0, f32::max);
+    // A scene that is a single point still gets a camera outside it.
+    let distance = (MARGIN * distance).max(1e-3);
+    Camera::look_at("outside", center + distance * toward_eye, center, Vec3::Y, vertical_fov)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use heliostat_engine::{Engine, EngineOptions};
+    use heliostat_scene::{Backend, Material, Mesh, Progress, SceneBuilder};
+
+    #[test]
+    fn framing_fits_the_bounds_tightly() {
+        for aspect in [0.5, 1.0, 2.0] {
+            let bounds = SceneBounds { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(5.0, 1.0, 3.0) };
+            let camera = outside(&bounds, aspect, 0.7);
+            let camera_from_world = camera.world_from_camera.inverse();
+            let mut extent = 0.0f32;
+            for i in 0..8 {
+                let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+                let p = camera_from_world.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
+                let edge = -p.z * 0.35f32.tan();
+                assert!(p.z < 0.0);
+                extent = extent.max(p.x.abs() / (edge * aspect)).max(p.y.abs() / edge);
+            }
+            assert!((0.85..=1.0).contains(&extent), "{aspect}: {extent}");
+        }
+    }
+
+    /// A 2×2×6 box of the given sides facing in or out.
+    fn framed(sides: &[Vec3], inwards: bool) -> Camera {
+        let mut scene = SceneBuilder::new();
+        let grey = scene.material(Material::diffuse("", Vec3::splat(0.5)));
+        for &side in sides {
+            let (u, v) = side.any_orthonormal_pair();
+            let (u, v) = if (u.cross(v).dot(side) > 0.0) == inwards { (v, u) } else { (u, v) };
+            let mesh = scene.mesh(Mesh::quad(side - u - v, 2.0 * u, 2.0 * v));
+            let object = scene.object("", [(mesh, grey)]);
+            scene.instance(object, glam::Affine3A::from_scale(Vec3::new(1.0, 1.0, 3.0)));
+        }
+        let mut engine = Engine::new(EngineOptions::default()).expect("an engine");
+        engine.apply(&scene.finish(), &Progress::new()).expect("valid");
+        let bounds = engine.scene().bounds().expect("not empty");
+        frame_scene(engine.rays(), &bounds, 1.0, None)
+    }
+
+    #[test]
+    fn rooms_are_seen_from_inside_and_things_from_outside() {
+        let sides = [Vec3::NEG_Z, Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z];
+        let eye = |camera: &Camera| Vec3::from(camera.world_from_camera.translation);
+        let closed = framed(&sides, true);
+        assert!(
+            eye(&closed).z.abs() < 3.0 && eye(&closed).z.abs() > 2.0,
+            "along the long axis: {}",
+            eye(&closed)
+        );
+        let open = framed(&sides[..5], true);
+        assert!(eye(&open).z > 3.0, "through the open side: {}", eye(&open));
+        assert_eq!(open.name, "inside");
+        assert_eq!(framed(&sides, false).name, "outside", "a solid box is no room");
+    }
+}
