@@ -177,3 +177,41 @@ fn stem(file: &str) -> &str {
 fn neutral_material(name: &str) -> Material {
     Material::diffuse(name, glam::Vec3::splat(0.5))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_told_by_content_first() {
+        let load = |name: &str, bytes: &[u8]| load_bytes(name, bytes, &NoFiles, &Limits::default());
+        let obj = b"# a comment\n\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3";
+        assert!(load("upload", obj).is_ok());
+        let gltf = br#" {"asset": {"version": "2.0"}}"#;
+        assert!(load("wrong.obj", gltf).is_ok());
+        let error = |name: &str, bytes: &[u8]| load(name, bytes).unwrap_err().to_string();
+        assert!(error("a.ply", b"solid").starts_with("a.ply: this is not a PLY file"));
+        assert!(error("a.glb", b"glTG").contains("not binary glTF"));
+        assert!(error("a.gltf", b"").contains("not a JSON document"));
+        assert!(error("a.stl", b"solid x").contains("no known scene format"));
+        assert!(error("a", b"").contains("the file is empty"));
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_an_io_error() {
+        let error = load(Path::new("no/such.obj"), &Limits::default()).unwrap_err();
+        assert!(matches!(error, LoadError::Io { .. }));
+        assert!(error.to_string().starts_with("no/such.obj: cannot be read"), "{error}");
+        assert!(matches!(load(Path::new("."), &Limits::default()), Err(LoadError::Io { .. })));
+    }
+
+    #[test]
+    fn long_lists_of_diagnostics_are_cut_and_counted() {
+        let text: String = (0..20).map(|i| format!("usemtl m{i}\nf 1 2 3\n")).collect();
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{text}");
+        let limits = Limits { diagnostics: 5, ..Limits::default() };
+        let loaded = load_bytes("a.obj", text.as_bytes(), &NoFiles, &limits).unwrap();
+        assert_eq!(loaded.diagnostics.len(), 6);
+        assert!(loaded.diagnostics[5].message.starts_with("15 more diagnostics"));
+    }
+}

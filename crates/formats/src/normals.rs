@@ -24,11 +24,11 @@ pub(crate) fn corner_normals(corners: [Vec3; 3]) -> [Vec3; 3] {
 /// Abramowitz, Stegun, "Handbook of Mathematical Functions", 1964, eq. 4.4.46.
 fn fast_acos(x: f32) -> f32 {
     const COEFFICIENTS: [f32; 8] = [
-        1.570_796_3,
+        std::f32::consts::FRAC_PI_2,
         -0.214_598_8,
         0.088_978_99,
         -0.050_174_305,
-        0.030_891_881,
+        0.030_891_88,
         -0.017_088_126,
         0.006_670_09,
         -0.001_262_491,

@@ -127,3 +127,37 @@ pub(crate) fn read_file(path: &Path, max_bytes: u64) -> Result<Vec<u8>, SourceEr
     }
     Ok(bytes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_directory_finds_files_as_importers_name_them() {
+        let folder = std::env::temp_dir().join(format!("heliostat-source-{}", std::process::id()));
+        std::fs::create_dir_all(folder.join("scene/Textures")).unwrap();
+        std::fs::write(folder.join("scene/Textures/Wood.PNG"), b"wood").unwrap();
+        std::fs::write(folder.join("shared.bin"), b"shared").unwrap();
+        std::fs::write(folder.join("scene/flat.png"), b"flat").unwrap();
+        let source = Directory(folder.join("scene"));
+        let read = |name: &str| source.read(name, 100).map(|bytes| String::from_utf8(bytes).unwrap());
+        assert_eq!(read("Textures/Wood.PNG").unwrap(), "wood");
+        assert_eq!(read("./textures/wood.png").unwrap(), "wood");
+        assert_eq!(read("../shared.bin").unwrap(), "shared");
+        // A path from another machine.
+        assert_eq!(read("C:/work/flat.png").unwrap(), "flat");
+        assert_eq!(read("/work/FLAT.png").unwrap(), "flat");
+        assert!(matches!(read("none.png"), Err(SourceError::NotFound)));
+        assert!(matches!(read("Textures"), Err(SourceError::NotFound)));
+        assert!(matches!(source.read("flat.png", 3), Err(SourceError::TooLarge { limit: 3 })));
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn memory_finds_files_without_regard_to_case() {
+        let memory = Memory([("a/B.bin".to_owned(), vec![1, 2])].into());
+        assert_eq!(memory.read("./A/b.BIN", 2).unwrap(), [1, 2]);
+        assert!(matches!(memory.read("a/B.bin", 1), Err(SourceError::TooLarge { .. })));
+        assert!(matches!(memory.read("b.bin", 9), Err(SourceError::NotFound)));
+    }
+}

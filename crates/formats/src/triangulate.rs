@@ -6,7 +6,7 @@
 use glam::{Vec2, Vec3};
 
 /// Polygons with more corners than this are cut as fans even if they are concave: clipping takes quadratic time.
-pub(crate) const MAX_CLIPPED_CORNERS: usize = 2048;
+pub(crate) const MAX_CLIPPED_CORNERS: usize = 1024;
 
 /// Cuts polygons; keeps its buffers from one polygon to the next.
 #[derive(Default)]
@@ -71,13 +71,19 @@ impl Triangulator {
         self.left.extend(0..self.flat.len() as u32);
         let mut at = 0;
         let mut refused = 0;
+        // Ordinary polygons need about two looks at every other corner per cut. Those made to need many more are
+        // not worth the time: their last corners are cut off unseen.
+        let mut looks = 8 * self.flat.len() * self.flat.len();
         while self.left.len() > 3 {
             let count = self.left.len();
             let corner = [at, (at + 1) % count, (at + 2) % count].map(|i| self.left[i]);
-            if refused < count && !self.is_ear(corner) {
-                at = (at + 1) % count;
-                refused += 1;
-                continue;
+            if refused < count && looks >= count {
+                looks -= count;
+                if !self.is_ear(corner) {
+                    at = (at + 1) % count;
+                    refused += 1;
+                    continue;
+                }
             }
             emit(corner);
             let removed = (at + 1) % count;
@@ -204,5 +210,10 @@ mod tests {
         assert_eq!(triangles(&crossed).len(), 3);
         assert_eq!(triangles(&[Vec3::NAN; 6]).len(), 4);
         assert_eq!(triangles(&[Vec3::ONE; 5]).len(), 3);
+        // No corner of this tangle is ever an ear; it must end soon all the same.
+        let tangle: Vec<Vec3> = (0..MAX_CLIPPED_CORNERS)
+            .map(|i| Vec3::new((i * 7919 % 1009) as f32, (i * 104_729 % 1013) as f32, 0.0))
+            .collect();
+        assert_eq!(triangles(&tangle).len(), MAX_CLIPPED_CORNERS - 2);
     }
 }

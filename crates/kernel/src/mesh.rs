@@ -5,7 +5,7 @@ use glam::Vec3;
 
 /// An indexed triangle mesh in object space. Cloning shares the arrays.
 ///
-/// Triangles with a vertex that is not finite, or with zero area, are kept in the numbering but never hit.
+/// Triangles with a vertex that is not finite or has a coordinate beyond ±1e10, and those with zero area, are kept in the numbering but never hit.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Vertex positions, object space.

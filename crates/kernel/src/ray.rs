@@ -5,8 +5,8 @@ use glam::Vec3;
 ///
 /// Space: that of the [`World`](crate::World) asked. `t` is measured in lengths of `direction`, which need not
 /// be a unit vector. A negative `t_min` counts as zero. A ray with a NaN or infinite origin or direction, a zero
-/// direction, or a NaN interval hits nothing. Coordinates and lengths between 1e-10 and 1e10 are in the range
-/// for which single-precision products neither overflow nor vanish.
+/// direction, or a NaN interval hits nothing; neither does one that starts beyond ±1e10 or whose direction's largest
+/// component lies outside 1e-12..=1e12, where single-precision products would overflow or vanish.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Start point.

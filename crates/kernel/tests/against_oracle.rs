@@ -179,3 +179,16 @@ fn bad_rays_hit_nothing() {
         }
     }
 }
+
+/// A wide sweep of sizes, densities and places, for hunting rare cases by hand.
+#[test]
+#[ignore = "takes minutes; run with --ignored after changing a kernel"]
+fn many_soups() {
+    for seed in 1000..1300 {
+        let mut rng = Rng::new(seed);
+        let scale = 10.0_f32.powf(rng.signed() * 6.0);
+        let size = scale * 10.0_f32.powf(rng.signed() - 1.0);
+        let center = rng.vec() * scale * 10.0_f32.powf(rng.signed() * 2.0);
+        check_soup(seed, 1 + rng.below(600), scale, size, center);
+    }
+}

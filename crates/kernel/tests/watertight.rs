@@ -172,3 +172,24 @@ fn placed_solids_hold_rays() {
         inner_points(&mut rng, 4, 1.0, Vec3::ZERO).into_iter().map(|p| place.transform_point3(p)).collect();
     assert_no_leak(&root, &origins, &targets);
 }
+
+/// Solids of many shapes, sizes and places, for hunting rare leaks by hand.
+#[test]
+#[ignore = "takes minutes; run with --ignored after changing a kernel"]
+fn many_solids_hold_rays() {
+    let mut rng = Rng::new(25);
+    for _ in 0..150 {
+        let radius = 10.0_f32.powf(rng.signed() * 5.0);
+        let center = rng.vec() * radius * 10.0_f32.powf(rng.signed() * 1.5);
+        let mesh = if rng.unit() < 0.7 {
+            let bands = 2 + rng.below(40) as u32;
+            bumpy_sphere(&mut rng, bands, 40, radius, center)
+        } else {
+            tessellated_box(12, radius, center)
+        };
+        let targets = seams(&mut rng, &mesh);
+        // Few bands make a double cone: stay well inside that too.
+        let origins = inner_points(&mut rng, 4, radius * 0.4, center);
+        assert_no_leak(&object(&[mesh]), &origins, &targets);
+    }
+}

@@ -94,14 +94,21 @@ fn solid_angle_density(v: f32) -> f32 {
 impl MapLight {
     fn new(map: &heliostat_scene::EnvironmentMap) -> Self {
         let (width, height) = (map.image.width, map.image.height);
+        let texel = |x: u32, y: u32| texel_rgb(&map.image, x, y);
+        // Lookup blends a texel with its neighbours. Its weight does so too (binomially, 1-2-1 along either axis), or a
+        // dark texel beside a bright light would be bright near their border and yet hardly ever sampled.
+        let row = |x: u32, y: u32| {
+            0.25 * (texel((x + width - 1) % width, y) + 2.0 * texel(x, y) + texel((x + 1) % width, y))
+        };
         let mut weights = Vec::with_capacity(width as usize * height as usize);
         let mut mean = Vec3::ZERO;
         for y in 0..height {
             let sin = (PI * (y as f32 + 0.5) / height as f32).sin();
+            let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
             for x in 0..width {
-                let radiance = texel_rgb(&map.image, x, y);
-                weights.push(luminance(radiance) * sin);
-                mean += radiance * sin;
+                let blurred = 0.25 * (row(x, above) + 2.0 * row(x, y) + row(x, below));
+                weights.push(luminance(blurred) * sin);
+                mean += texel(x, y) * sin;
             }
         }
         // ∫ sin θ dθ dφ / 4π turns the sum over texels into a mean over the sphere.
@@ -130,8 +137,7 @@ impl MapLight {
         (self.world_from_environment * local).normalize_or(Vec3::Y)
     }
 
-    /// Interpolated between texels, around the seam too. The sampling distribution is piecewise constant: where it
-    /// differs, directions found by scattering make up for it.
+    /// Interpolated between texels, around the seam too.
     fn radiance(&self, uv: Vec2) -> Vec3 {
         let (width, height) = (self.image.width, self.image.height);
         let at = uv * Vec2::new(width as f32, height as f32) - 0.5;
@@ -179,9 +185,27 @@ mod tests {
             estimate += radiance / pdf / (n * n) as f32;
             uniform += light.radiance(uniform_sphere(u)) / (n * n) as f32;
         }
-        // Red has black texels, which only scattering finds; green and blue are sampled everywhere.
         assert!((estimate / (4.0 * PI)).distance(uniform) < 0.02, "{estimate} against {uniform}");
         assert!(uniform.distance(light.mean()) < 0.05, "{uniform} against {}", light.mean());
+    }
+
+    #[test]
+    fn a_small_bright_light_gives_no_sample_an_outsized_weight() {
+        let (width, height) = (32, 16);
+        let pixel = |i: u32| [if i == 5 * width + 9 { 1e4 } else { 0.01 }; 4];
+        let light = EnvironmentLight::new(&Environment::Map(EnvironmentMap {
+            image: Arc::new(Image::rgba_f32(width, height, (0..width * height).flat_map(pixel).collect())),
+            scale: Vec3::ONE,
+            world_from_environment: Mat3::IDENTITY,
+        }));
+        let n = 200;
+        let weights: Vec<f32> = (0..n * n)
+            .filter_map(|i| light.sample((Vec2::new((i % n) as f32, (i / n) as f32) + 0.5) / n as f32))
+            .map(|(_, radiance, pdf)| radiance.x / pdf)
+            .collect();
+        let mean = weights.iter().sum::<f32>() / weights.len() as f32;
+        let largest = weights.iter().fold(0.0_f32, |a, &b| a.max(b));
+        assert!(largest < 6.0 * mean, "largest {largest}, mean {mean}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use exr::meta::MetaData;
 use exr::prelude::{AnyChannels, FlatSamples, Layer, ReadChannels, ReadLayers, read};
 use heliostat_scene::Image;
 
-use super::{check_size, too_large};
+use super::{check_size, guarded, too_large};
 use crate::error::LoadError;
 use crate::limits::Limits;
 use crate::place::Place;
@@ -18,7 +18,8 @@ pub(super) fn decode(
     limits: &Limits,
     memory: u64,
 ) -> Result<Image, LoadError> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| failed(file, &e))?;
+    let meta = guarded(file, || MetaData::read_from_buffered(Cursor::new(bytes), false))?
+        .map_err(|error| failed(file, &error))?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
         check_size(file, width, height, limits)?;
@@ -28,15 +29,17 @@ pub(super) fn decode(
             return Err(too_large(file, limits));
         }
     }
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| failed(file, &e))?;
+    let image = guarded(file, || {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+    })?
+    .map_err(|error| failed(file, &error))?;
     rgba(file, &image.layer_data)
 }
 

@@ -47,12 +47,12 @@ pub(crate) fn decode_within(
         return exr_file::decode(file, bytes, limits, memory);
     }
     let format = recognise(file, bytes)?;
-    let (width, height) = reader(bytes, format, memory)
-        .into_decoder()
-        .map(|decoder| decoder.dimensions())
-        .map_err(|error| broken(file, format, &error))?;
+    let (width, height) =
+        guarded(file, || reader(bytes, format, memory).into_decoder().map(|d| d.dimensions()))?
+            .map_err(|error| broken(file, format, &error))?;
     check_size(file, width.into(), height.into(), limits)?;
-    let decoded = reader(bytes, format, memory).decode().map_err(|error| broken(file, format, &error))?;
+    let decoded = guarded(file, || reader(bytes, format, memory).decode())?
+        .map_err(|error| broken(file, format, &error))?;
     if u64::from(width) * u64::from(height) * pixels::bytes_per_pixel(&decoded) > memory {
         return Err(too_large(file, limits));
     }
@@ -61,6 +61,15 @@ pub(crate) fn decode_within(
             Image::rgba_f32(width, height, decoded.into_rgba32f().into_raw())
         }
         other => Image::rgba8(width, height, other.into_rgba8().into_raw()),
+    })
+}
+
+/// Runs a decoder library. Some panic on broken files (exr on overflow in B44 blocks, zune-jpeg on odd sampling
+/// factors); that becomes an error here. They work on data of their own, so nothing half-done is left behind.
+fn guarded<T>(file: &Arc<str>, call: impl FnOnce() -> T + std::panic::UnwindSafe) -> Result<T, LoadError> {
+    std::panic::catch_unwind(call).map_err(|_| {
+        let hint = "the file may be damaged; if other programs can read it, save it again from there";
+        LoadError::input(Place::whole(file), "the data is broken: the decoder gave up", hint)
     })
 }
 

@@ -101,3 +101,34 @@ fn exr_headers_are_checked_before_anything_is_allocated() {
     assert!(matches!(decode("a.exr", &bytes, &poor), Err(LoadError::Limit(_))));
     assert!(matches!(decode("a.exr", &bytes[..200], &Limits::default()), Err(LoadError::Input(_))));
 }
+
+#[test]
+fn damaged_exr_files_of_every_compression_never_panic() {
+    use exr::prelude::{
+        Compression, Encoding, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage, f16,
+    };
+    for compression in
+        [Compression::RLE, Compression::ZIP16, Compression::PIZ, Compression::PXR24, Compression::B44]
+    {
+        let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
+            (f16::from_f32(at.x() as f32), f16::from_f32(at.y() as f32), f16::ONE)
+        });
+        let encoding = Encoding { compression, ..Encoding::default() };
+        let layer = Layer::new((9, 7), LayerAttributes::default(), encoding, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        exr::prelude::Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+        let bytes = bytes.into_inner();
+        let image = decode("a.exr", &bytes, &Limits::default()).unwrap();
+        assert_eq!((image.width, image.height), (9, 7), "{compression}");
+        for position in 0..bytes.len() {
+            for value in [0, 255] {
+                let mut damaged = bytes.clone();
+                damaged[position] = value;
+                // Whether it is still an image is the decoder's to say.
+                if let Err(error) = decode("a.exr", &damaged, &Limits::default()) {
+                    assert!(!error.problem().is_empty());
+                }
+            }
+        }
+    }
+}

@@ -1,21 +1,5 @@
 //! From MTL's empirical model to a physical one.
-//!
-//! - `Kd` is the base colour, at most 1.
-//! - `Ks` is the reflectance at normal incidence of a dielectric coat over it, `specular · 0.04 · specular_color`:
-//!   nothing is lost however coloured or strong it is, and `Ks` 0 is exactly Lambertian. `Ns` becomes a GGX
-//!   roughness of the same width, α = √(2 / (Ns + 2)).
-//! - `illum` 3, 5 and 8 are mirrors: the same with roughness 0.
-//! - `illum` 4, 6, 7 and 9 are glass: solid if `Ni` exceeds 1, a thin sheet otherwise. `Tf` tints it by hue: files
-//!   use its strength as a filter, as opacity, and as transparency, so its largest channel counts as 1.
-//! - `Tf` above 0 in a material without `illum`, `d` and `Tr` lets that share of light straight through
-//!   (as `d` = 1 − Tf).
-//! - `d` below 1, or `Tr` above 0 when `d` is absent, is coverage.
-//! - `Ke` leaves the front side only.
-//! - `Pr`, `Pm`, `Pc`, `Pcr` with their maps replace `Ks` and `Ns`.
-//!
-//! # References
-//! Wavefront, "Advanced Visualizer: MTL material format", 1995. Walter, Marschner, Li, Torrance, "Microfacet Models
-//! for Refraction through Rough Surfaces", 2007, section 5 (Phong exponent and α).
+//! The rules and their sources stand in the documentation of [`obj`](crate::obj).
 
 use glam::{Vec3, Vec4};
 use heliostat_scene::{AlphaMode, Clearcoat, Material, SceneBuilder, Volume};

@@ -11,10 +11,25 @@
 //! Vertices without `vn` are shaded flat, except in smoothing groups (`s` other than `off`), where normals are
 //! means over the group weighted by angle. `vt` counts upwards and is flipped to the scene's downwards.
 //!
-//! Materials: see `material.rs`.
+//! MTL's empirical model becomes the scene's physical one:
+//!
+//! - `Kd` is the base colour, at most 1.
+//! - `Ks` is the reflectance at normal incidence of a dielectric coat over it, `specular · 0.04 · specular_color`:
+//!   nothing is lost however coloured or strong it is, and `Ks` 0 is exactly Lambertian. `Ns` becomes a GGX
+//!   roughness of the same width, α = √(2 / (Ns + 2)).
+//! - `illum` 3, 5 and 8 are mirrors: the same with roughness 0.
+//! - `illum` 4, 6, 7 and 9 are glass: solid if `Ni` exceeds 1, a thin sheet otherwise. `Tf` tints it by hue: files
+//!   use its strength as a filter, as opacity, and as transparency, so its largest channel counts as 1.
+//! - `Tf` above 0 in a material without `illum`, `d` and `Tr` lets that share of light straight through
+//!   (as `d` = 1 − Tf).
+//! - `d` below 1, or `Tr` above 0 when `d` is absent, is coverage.
+//! - `Ke` leaves the front side only.
+//! - `Pr`, `Pm`, `Pc`, `Pcr` with their maps replace `Ks` and `Ns`.
 //!
 //! # References
 //! Wavefront, "Advanced Visualizer Manual, Appendix B1: Object Files", 1995.
+//! Wavefront, "Advanced Visualizer: MTL material format", 1995. Walter, Marschner, Li, Torrance, "Microfacet Models
+//! for Refraction through Rough Surfaces", 2007, section 5 (Phong exponent and α).
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -62,6 +77,9 @@ pub(crate) fn load(context: &mut Context<'_>, file: &Arc<str>, bytes: &[u8]) -> 
     Ok(builder.finish())
 }
 
+/// Libraries that one file may name.
+const MAX_LIBRARIES: usize = 1000;
+
 /// The materials of all libraries by name, converted when they are first used.
 struct Materials {
     definitions: HashMap<String, Mtl>,
@@ -92,7 +110,7 @@ impl Materials {
             Ok(bytes) => (vec![(names.to_owned(), bytes)], None),
             Err(error) => {
                 let read = |name: &str| Some((name.to_owned(), context.read(name).ok()?));
-                let several: Vec<&str> = names.split_whitespace().collect();
+                let several: Vec<&str> = names.split_whitespace().take(MAX_LIBRARIES).collect();
                 let files: Vec<_> = if several.len() > 1 {
                     several.iter().copied().filter_map(read).collect()
                 } else {

@@ -175,8 +175,10 @@ fn color(context: &mut Context<'_>, words: &mut Words<'_>) -> Result<Option<Vec3
         return Ok(None);
     }
     let red = words.float("red")?;
-    let Some(green) = words.float_if_any() else { return Ok(Some(Vec3::splat(red))) };
-    let color = Vec3::new(red, green, words.float("blue")?);
+    let color = match words.float_if_any() {
+        Some(green) => Vec3::new(red, green, words.float("blue")?),
+        None => Vec3::splat(red),
+    };
     if color.is_finite() && color.min_element() >= 0.0 {
         return Ok(Some(color));
     }

@@ -121,7 +121,9 @@ impl Obj {
                 let place = words.place();
                 context.charge(size_of::<(String, Place)>() as u64, &place)?;
                 let name = words.rest().replace('\\', "/");
-                if self.libraries.iter().all(|(known, _)| *known != name) && self.libraries.len() < 1000 {
+                if self.libraries.iter().all(|(known, _)| *known != name)
+                    && self.libraries.len() < super::MAX_LIBRARIES
+                {
                     self.libraries.push((name, place));
                 }
             }

@@ -251,6 +251,12 @@ fn odd_values_are_warned_about_and_put_right() {
     assert_eq!(messages.len(), 6, "{messages:#?}");
     let a = &materials(&loaded)[0];
     assert_eq!((a.base_color.truncate(), a.ior), (Vec3::new(1.0, 0.0, 0.5), 1.5));
+    // One number for all three colours is checked like three.
+    for value in ["-5", "nan", "inf"] {
+        let loaded = with_library(&format!("newmtl a\nKd {value}\nKe {value}\n"), &["a"], &[]);
+        assert_eq!(loaded.diagnostics.len(), 2);
+        assert_eq!(materials(&loaded)[0].base_color.truncate(), Vec3::ZERO);
+    }
 }
 
 #[test]

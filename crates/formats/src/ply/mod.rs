@@ -88,8 +88,6 @@ fn read_body(
         match element.name.as_str() {
             "vertex" => vertices.read(context, element, &mut values)?,
             "face" | "tristrips" => faces.read(context, element, &vertices.positions, &mut values)?,
-            // The last element of no interest need not be read.
-            _ if element.place == header.elements[header.elements.len() - 1].place => {}
             _ => skip(element, &mut values)?,
         }
     }

@@ -7,7 +7,7 @@ pub(crate) mod wide;
 /// | field | unit | default | meaning |
 /// |---|---|---|---|
 /// | `max_bins` | – | 32 | split candidates per axis; more is slower and slightly better |
-/// | `traversal_cost` | – | 0.5 | cost of a binary step, relative to … |
+/// | `traversal_cost` | – | 0.8 | cost of a binary step, relative to … |
 /// | `intersection_cost` | – | 1.0 | … the cost of testing one block of 8 triangles |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BuildOptions {
@@ -21,7 +21,7 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { max_bins: 32, traversal_cost: 0.5, intersection_cost: 1.0 }
+        Self { max_bins: 32, traversal_cost: 0.8, intersection_cost: 1.0 }
     }
 }
 

@@ -35,7 +35,6 @@ pub(super) fn hits<S: Simd>(
     bvh: &TriangleBvh,
     path: PathId,
     rays: &LevelRays,
-    face: Face,
     work: &Work,
     answers: &mut Answers<'_>,
 ) {
@@ -45,8 +44,8 @@ pub(super) fn hits<S: Simd>(
         if bits == 0 {
             continue;
         }
-        gather(bvh, face, &work.id[g], bits, &mut corners);
-        let exact = intersect(simd, &corners, rays, face, work, g);
+        gather(bvh, work.face, &work.id[g], bits, &mut corners);
+        let exact = intersect(simd, &corners, rays, work, g);
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
@@ -109,14 +108,8 @@ fn gather(bvh: &TriangleBvh, face: Face, ids: &[u32; GROUP], bits: u16, corners:
 }
 
 #[inline(always)]
-fn intersect<S: Simd>(
-    simd: S,
-    corners: &Corners,
-    rays: &LevelRays,
-    face: Face,
-    work: &Work,
-    g: usize,
-) -> Exact {
+fn intersect<S: Simd>(simd: S, corners: &Corners, rays: &LevelRays, work: &Work, g: usize) -> Exact {
+    let face = work.face;
     let [ku, kv, kk] = face.axes;
     let origin = rays.origin.to_array();
     let origin = [origin[ku % 3], origin[kv % 3], origin[kk % 3]];

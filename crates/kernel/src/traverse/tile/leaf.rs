@@ -9,12 +9,15 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 
 use super::{
     walk::{BoxRange, Frame, meet},
-    work::{Work, mask16},
+    work::{GROUP, Work, mask16},
 };
 use crate::layout::{Block, WIDTH};
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
 const EDGE_ERROR: f32 = 4.0 * f32::EPSILON;
+/// A triangle can matter to a group if its largest reciprocal depth times the group's reach is above this: one, less
+/// the rounding of products that cancel.
+const DEPTH_SLACK: f32 = 1.0 - 1.0e-4;
 /// Triangles whose plane passes the origin within this fraction of their distance are edge-on: thinner than the
 /// overlap of their neighbours, and without a usable depth.
 const EDGE_ON: f32 = 1.0e-6;
@@ -26,12 +29,16 @@ pub(super) struct Setup {
     edge: [[[f32; WIDTH]; 3]; 3],
     /// Reciprocal depth.
     depth: [[f32; WIDTH]; 3],
+    /// Reciprocal depths of the farthest and the nearest corner (+∞ if that lies behind the origin): the plane's
+    /// answer, uncertain for triangles seen nearly edge-on, is clamped to them.
+    depth_range: [[f32; WIDTH]; 2],
 }
 
 type Triple<S> = [f32x8<S>; 3];
 
 impl Setup {
-    pub(super) const EMPTY: Self = Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3] };
+    pub(super) const EMPTY: Self =
+        Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3], depth_range: [[0.0; WIDTH]; 2] };
 
     /// Sets up a block; a bit for each triangle that can be seen from the origin within `far`.
     #[inline(always)]
@@ -58,6 +65,10 @@ impl Setup {
         for (depth, n) in self.depth.iter_mut().zip(n) {
             *depth = (n * inverse).into();
         }
+        let one = f32x8::splat(simd, 1.0);
+        let in_front = nearest.simd_gt(zero);
+        self.depth_range[0] = (one / farthest).into();
+        self.depth_range[1] = in_front.select(one / nearest, f32x8::splat(simd, f32::INFINITY)).into();
         let direction = rect[1].abs().max(rect[0].abs()).max(rect[3].abs()).max(rect[2].abs()).max(1.0);
         let distance = largest(a, b, c, 0) + largest(a, b, c, 1) + largest(a, b, c, 2);
         let error = distance * (2.0 * EDGE_ERROR * direction);
@@ -77,10 +88,13 @@ impl Setup {
 
     /// The triangles in `bits` that a rectangle of rays may meet.
     #[inline(always)]
-    fn meeting<S: Simd>(&self, simd: S, rect: [f32; 4], bits: u32) -> u32 {
+    fn meeting<S: Simd>(&self, simd: S, rect: [f32; 4], reach: f32, bits: u32) -> u32 {
         let [u0, u1, v0, v1] = rect;
         let zero = f32x8::splat(simd, 0.0);
-        let mut least = f32x8::splat(simd, f32::INFINITY);
+        let [zu, zv, zk] = load(simd, &self.depth);
+        let nearest = (zu * u0).max(zu * u1) + ((zv * v0).max(zv * v1) + zk);
+        let farthest = f32x8::load_array_ref(simd, &self.depth_range[0]);
+        let mut least = nearest.max(farthest) * reach - DEPTH_SLACK;
         for edge in &self.edge {
             let [eu, ev, ek] = load(simd, edge);
             least = least.min((eu * u0).max(eu * u1) + ((ev * v0).max(ev * v1) + ek));
@@ -93,7 +107,12 @@ impl Setup {
     fn groups_meeting<S: Simd>(&self, simd: S, work: &Work, lane: usize, mask: u16) -> u16 {
         let (u0, u1) = (f32x16::load_array_ref(simd, &work.u0), f32x16::load_array_ref(simd, &work.u1));
         let (v0, v1) = (f32x16::load_array_ref(simd, &work.v0), f32x16::load_array_ref(simd, &work.v1));
-        let mut least = f32x16::splat(simd, f32::INFINITY);
+        let [zu, zv, zk] = [self.depth[0][lane & 7], self.depth[1][lane & 7], self.depth[2][lane & 7]];
+        let (u, v) = (if zu > 0.0 { u1 } else { u0 }, if zv > 0.0 { v1 } else { v0 });
+        let nearest =
+            u.mul_add(f32x16::splat(simd, zu), v.mul_add(f32x16::splat(simd, zv), f32x16::splat(simd, zk)));
+        let nearest = nearest.max(f32x16::splat(simd, self.depth_range[0][lane & 7]));
+        let mut least = nearest * f32x16::load_array_ref(simd, &work.reach) - DEPTH_SLACK;
         for edge in &self.edge {
             let [eu, ev, ek] = [edge[0][lane & 7], edge[1][lane & 7], edge[2][lane & 7]];
             // Which corner counts is the same for all groups.
@@ -108,53 +127,139 @@ impl Setup {
     }
 }
 
-/// Tests a block against the groups in `mask`; a bit for each group whose rays changed.
+/// A leaf as a tile sees it.
+pub(super) struct Leaf<'a> {
+    frame: &'a Frame,
+    blocks: &'a [Block],
+    /// Groups with a ray that meets the leaf's box, and those rays.
+    mask: u16,
+    rays: [u16; GROUP],
+}
+
+impl<'a> Leaf<'a> {
+    /// Narrows the groups in `mask` down to rays: a scattered group meets boxes that none of its rays does.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(
+        simd: S,
+        frame: &'a Frame,
+        blocks: &'a [Block],
+        range: &BoxRange,
+        mask: u16,
+        work: &Work,
+    ) -> Self {
+        let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
+        Self { frame, blocks, mask, rays }
+    }
+}
+
+/// The groups of `mask` with a ray that meets the box nearer than what it has, and those rays.
+#[inline(always)]
+pub(super) fn rays_in_box<S: Simd>(
+    simd: S,
+    work: &Work,
+    mask: u16,
+    range: &BoxRange,
+    slack: f32,
+) -> (u16, [u16; GROUP]) {
+    let (mut met, mut rays) = (0, [0; GROUP]);
+    let mut rest = mask;
+    while rest != 0 {
+        let g = (rest.trailing_zeros() & 15) as usize;
+        rest &= rest - 1;
+        rays[g] = rays_meeting(simd, work, g, range, slack);
+        met |= u16::from(rays[g] != 0) << g;
+    }
+    (met, rays)
+}
+
+/// Tests a block against the rays of a leaf; a bit for each group of which some changed.
 #[inline(always)]
 pub(super) fn test_block<S: Simd, const ANY: bool>(
     simd: S,
-    frame: &Frame,
+    leaf: &Leaf<'_>,
     work: &mut Work,
     setup: &mut Setup,
-    blocks: &[Block],
     block: usize,
-    mask: u16,
-    range: &BoxRange,
 ) -> u16 {
+    let mask = leaf.mask;
+    if mask == 0 {
+        return 0;
+    }
     let rect = work.rect_of(mask);
-    let bits = setup.fill(simd, frame, &blocks[block], rect, work.far);
+    let bits = setup.fill(simd, leaf.frame, &leaf.blocks[block], rect, work.far);
     if bits == 0 {
         return 0;
     }
+    if mask.count_ones() <= bits.count_ones() || is_scattered(leaf) {
+        groups_outside::<S, ANY>(simd, leaf, work, setup, block, bits)
+    } else {
+        triangles_outside::<S, ANY>(simd, leaf, work, setup, block, bits)
+    }
+}
+
+/// Whether the groups have few rays each in the leaf, so that going ray by ray is cheaper.
+#[inline(always)]
+fn is_scattered(leaf: &Leaf<'_>) -> bool {
+    let mut rays = 0;
+    for bits in leaf.rays {
+        rays += bits.count_ones();
+    }
+    rays <= 3 * leaf.mask.count_ones()
+}
+
+/// Loops over groups, then over their rays or triangles, whichever are fewer.
+#[inline(always)]
+fn groups_outside<S: Simd, const ANY: bool>(
+    simd: S,
+    leaf: &Leaf<'_>,
+    work: &mut Work,
+    setup: &Setup,
+    block: usize,
+    bits: u32,
+) -> u16 {
     let mut changed = 0;
-    if mask.count_ones() <= bits.count_ones() {
-        let mut rest = mask;
-        while rest != 0 {
-            let g = (rest.trailing_zeros() & 15) as usize;
-            rest &= rest - 1;
-            let bits = setup.meeting(simd, [work.u0[g], work.u1[g], work.v0[g], work.v1[g]], bits);
-            if bits == 0 {
-                continue;
-            }
-            let rays = rays_meeting(simd, work, g, range, frame.slack);
-            let hit = if rays.count_ones() <= bits.count_ones() {
+    let mut rest = leaf.mask;
+    while rest != 0 {
+        let g = (rest.trailing_zeros() & 15) as usize;
+        rest &= rest - 1;
+        let rays = leaf.rays[g];
+        let hit = if rays.count_ones() <= 2 {
+            each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+        } else {
+            let rect = [work.u0[g], work.u1[g], work.v0[g], work.v1[g]];
+            let bits = setup.meeting(simd, rect, work.reach[g], bits);
+            if rays.count_ones() <= bits.count_ones() {
                 each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
             } else {
                 each_triangle::<S, ANY>(simd, work, setup, g, bits, block)
-            };
-            changed |= u16::from(hit) << g;
-        }
-    } else {
-        let mut rest = bits;
-        while rest != 0 {
-            let lane = (rest.trailing_zeros() & 7) as usize;
-            rest &= rest - 1;
-            let mut groups = setup.groups_meeting(simd, work, lane, mask);
-            while groups != 0 {
-                let g = (groups.trailing_zeros() & 15) as usize;
-                groups &= groups - 1;
-                let hit = each_triangle::<S, ANY>(simd, work, setup, g, 1 << lane, block);
-                changed |= u16::from(hit) << g;
             }
+        };
+        changed |= u16::from(hit) << g;
+    }
+    changed
+}
+
+/// Loops over triangles, then over the groups that each may meet.
+#[inline(always)]
+fn triangles_outside<S: Simd, const ANY: bool>(
+    simd: S,
+    leaf: &Leaf<'_>,
+    work: &mut Work,
+    setup: &Setup,
+    block: usize,
+    bits: u32,
+) -> u16 {
+    let mut changed = 0;
+    let mut rest = bits;
+    while rest != 0 {
+        let lane = (rest.trailing_zeros() & 7) as usize;
+        rest &= rest - 1;
+        let mut groups = setup.groups_meeting(simd, work, lane, leaf.mask);
+        while groups != 0 {
+            let g = (groups.trailing_zeros() & 15) as usize;
+            groups &= groups - 1;
+            let hit = each_triangle::<S, ANY>(simd, work, setup, g, 1 << lane, block);
+            changed |= u16::from(hit) << g;
         }
     }
     changed
@@ -194,7 +299,9 @@ fn each_triangle<S: Simd, const ANY: bool>(
         let e0 = plane(simd, &setup.edge[0], lane, u, v);
         let e1 = plane(simd, &setup.edge[1], lane, u, v);
         let e2 = plane(simd, &setup.edge[2], lane, u, v);
-        let z = plane(simd, &setup.depth, lane, u, v);
+        let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
+        let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
+        let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
         let hit = e0.min(e1).min(e2).simd_ge(zero) & z.simd_gt(iz) & z.simd_lt(start);
         any |= hit;
         if ANY {
@@ -225,6 +332,8 @@ fn each_ray<S: Simd, const ANY: bool>(
 ) -> bool {
     let edge = [load(simd, &setup.edge[0]), load(simd, &setup.edge[1]), load(simd, &setup.edge[2])];
     let depth = load(simd, &setup.depth);
+    let farthest = f32x8::load_array_ref(simd, &setup.depth_range[0]);
+    let nearest = f32x8::load_array_ref(simd, &setup.depth_range[1]);
     let zero = f32x8::splat(simd, 0.0);
     let mut any = false;
     let mut rest = rays;
@@ -235,7 +344,7 @@ fn each_ray<S: Simd, const ANY: bool>(
         let e0 = edge[0][0].mul_add(u, edge[0][1].mul_add(v, edge[0][2]));
         let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
         let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
-        let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2]));
+        let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2])).max(farthest).min(nearest);
         let hit = e0.min(e1).min(e2).simd_ge(zero)
             & z.simd_gt(f32x8::splat(simd, work.iz[g][r]))
             & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));

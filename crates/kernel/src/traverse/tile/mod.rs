@@ -12,7 +12,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3A;
 
 use self::{
-    leaf::Setup,
+    leaf::{Leaf, Setup, rays_in_box},
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Work},
 };
@@ -208,7 +208,7 @@ fn run<S: Simd, const ANY: bool>(
             few::<S, ANY>(simd, object, path, chosen, answers, scratch);
         } else {
             work.project(simd, chosen, face);
-            one_face::<S, ANY>(simd, object, path, chosen, face, work, answers, scratch);
+            one_face::<S, ANY>(simd, object, path, chosen, work, answers, scratch);
         }
     }
 }
@@ -258,7 +258,6 @@ fn one_face<S: Simd, const ANY: bool>(
     object: &Object,
     path: PathId,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
@@ -266,15 +265,15 @@ fn one_face<S: Simd, const ANY: bool>(
     if let Some(bvh) = &object.triangles
         && !bvh.tree.nodes.is_empty()
     {
-        triangles::<S, ANY>(simd, bvh, rays, face, work, &mut scratch.visits);
+        triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
         if ANY {
             collect::occluded(simd, rays, work, answers);
         } else {
-            collect::hits(simd, bvh, path, rays, face, work, answers);
+            collect::hits(simd, bvh, path, rays, work, answers);
         }
     }
     if !object.instance_tree.nodes.is_empty() {
-        nested::<S, ANY>(simd, object, path, rays, face, work, answers, scratch);
+        nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
     }
 }
 
@@ -284,29 +283,20 @@ fn triangles<S: Simd, const ANY: bool>(
     simd: S,
     bvh: &TriangleBvh,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     visits: &mut Vec<Visit>,
 ) {
-    let frame = Frame::new(face, rays.origin.to_array(), bvh.tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
     while let Some(visit) = next_leaf(simd, &bvh.tree, &frame, work, visits, mark) {
         let range = frame.box_range(&bvh.tree.nodes[visit.node as usize], usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
+        let leaf = Leaf::new(simd, &frame, &bvh.blocks, &range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
-            changed |= leaf::test_block::<S, ANY>(
-                simd,
-                &frame,
-                work,
-                &mut setup,
-                &bvh.blocks,
-                block,
-                visit.mask,
-                &range,
-            );
+            changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);
         }
         if changed != 0 {
             while changed != 0 {
@@ -329,23 +319,28 @@ fn nested<S: Simd, const ANY: bool>(
     object: &Object,
     path: PathId,
     rays: &LevelRays,
-    face: Face,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let frame = Frame::new(face, rays.origin.to_array(), object.instance_tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), object.instance_tree.extent, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
     while let Some(visit) = next_leaf(simd, &object.instance_tree, &frame, work, &mut scratch.visits, mark) {
         let placed = &object.instances[visit.child.payload() as usize];
+        let range =
+            frame.box_range(&object.instance_tree.nodes[visit.node as usize], usize::from(visit.lane));
+        let (mask, wanted) = rays_in_box(simd, work, visit.mask, &range, frame.slack);
+        if mask == 0 {
+            continue;
+        }
         let mut level = scratch.take();
-        if descend::<ANY>(placed, rays, work, visit.mask, answers, &mut level.rays) {
+        if descend::<ANY>(placed, rays, &wanted, answers, &mut level.rays) {
             let before = std::mem::take(&mut answers.found);
             let path = PathId(path.0 + placed.path_offset);
             enter::<S, ANY>(simd, &placed.instance.object, path, &mut level, answers, scratch);
             let below = std::mem::replace(&mut answers.found, before);
-            merge::<S, ANY>(simd, placed, rays, work, visit.mask, &below, answers);
+            merge::<S, ANY>(simd, placed, rays, work, mask, &below, answers);
         }
         scratch.levels.push(level);
         if work.far < 0.0 {
@@ -355,13 +350,12 @@ fn nested<S: Simd, const ANY: bool>(
     scratch.visits.truncate(mark);
 }
 
-/// Carries the rays of the groups in `mask` into the instance's space; false if that leaves the usable range.
+/// Carries the `wanted` rays of each group into the instance's space; false if none stays in the usable range.
 #[inline(always)]
 fn descend<const ANY: bool>(
     placed: &PlacedInstance,
     rays: &LevelRays,
-    work: &Work,
-    mask: u16,
+    wanted: &[u16; GROUP],
     answers: &Answers<'_>,
     below: &mut LevelRays,
 ) -> bool {
@@ -369,8 +363,7 @@ fn descend<const ANY: bool>(
     below.len = 0;
     below.origin = map.transform_point3a(rays.origin);
     for i in 0..rays.len {
-        let (g, lane) = (i / GROUP, i % GROUP);
-        if mask >> g & 1 == 0 || work.iz[g][lane] == f32::INFINITY {
+        if wanted[i / GROUP] >> (i % GROUP) & 1 == 0 {
             continue;
         }
         let slot = rays.slot[i];

@@ -57,7 +57,8 @@ pub(super) struct BoxRange {
 
 impl Frame {
     #[inline(always)]
-    pub(super) fn new(face: Face, origin: [f32; 3], extent: [f32; 3], work: &Work) -> Self {
+    pub(super) fn new(origin: [f32; 3], extent: [f32; 3], work: &Work) -> Self {
+        let face = work.face;
         let [u, v, k] = face.axes;
         let reach = (0..3).fold(0.0_f32, |m, axis| m.max(origin[axis].abs()).max(extent[axis]));
         let negative = |x: f32| usize::from(x < 0.0);

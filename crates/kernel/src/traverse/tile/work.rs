@@ -141,11 +141,14 @@ pub(super) struct Work {
     pub rect: [f32; 4],
     pub far: f32,
     pub groups: usize,
+    /// The face that all rays are on.
+    pub face: Face,
 }
 
 impl Work {
     pub(super) const NONE: u32 = u32::MAX;
     pub(super) const EMPTY: Self = Self {
+        face: Face { axes: [0, 1, 2], sign: 1.0 },
         u: [[0.0; GROUP]; GROUP],
         v: [[0.0; GROUP]; GROUP],
         iz: [[f32::INFINITY; GROUP]; GROUP],
@@ -170,6 +173,7 @@ impl Work {
         let t_max = rays.t_max.as_chunks::<GROUP>().0;
         let one = f32x16::splat(simd, 1.0);
         let infinity = f32x16::splat(simd, f32::INFINITY);
+        self.face = face;
         self.groups = rays.len.div_ceil(GROUP);
         for g in 0..GROUP {
             if g >= self.groups {

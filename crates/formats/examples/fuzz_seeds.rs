@@ -1,15 +1,17 @@
-//! Writes small well-formed files for every target into `corpus/`.
+//! Writes small well-formed files for every fuzz target into `fuzz/corpus/`.
 
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use exr::prelude::{Compression, Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16};
+use exr::prelude::{
+    Compression, Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage, f16,
+};
 use image::{DynamicImage, ImageFormat, RgbImage};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let put = |target: &str, name: &str, bytes: &[u8]| {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
         fs::create_dir_all(&folder).and_then(|()| fs::write(folder.join(name), bytes))
     };
     for (number, text) in OBJ.iter().enumerate() {
@@ -36,7 +38,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         put("gltf", &format!("text{number}"), text.as_bytes())?;
         let mut bytes = text.as_bytes().to_vec();
         bytes.push(0);
-        bytes.extend(floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.25, 0.0, 0.0, 0.5, 1.0, 1.0]));
+        bytes.extend(floats(&[
+            0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.25, 0.0, 0.0, 0.5, 1.0, 1.0,
+        ]));
         bytes.extend([0, 1, 2, 0, 1, 0, 2, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
         bytes.extend(floats(&[1.0; 64]));
         put("gltf", &format!("binary{number}"), &bytes)?;
