@@ -15,7 +15,7 @@ use miette::{
 pub(super) struct Failure {
     message: String,
     help: Option<String>,
-    excerpt: Option<Excerpt>,
+    excerpt: Option<Box<Excerpt>>,
     usage: bool,
 }
 
@@ -60,7 +60,7 @@ impl Diagnostic for Failure {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.excerpt.as_ref().map(|excerpt| excerpt as &dyn SourceCode)
+        self.excerpt.as_deref().map(|excerpt| excerpt as &dyn SourceCode)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
@@ -91,12 +91,12 @@ impl SourceCode for Excerpt {
 impl From<LoadError> for Failure {
     fn from(error: LoadError) -> Self {
         let excerpt = match (error.snippet(), &error.place().spot) {
-            (Some(snippet), Spot::Text { line, .. }) => Some(Excerpt {
+            (Some(snippet), Spot::Text { line, .. }) => Some(Box::new(Excerpt {
                 file: error.place().file.to_string(),
                 text: snippet.text.clone(),
                 line: (*line as usize).saturating_sub(1),
                 span: (snippet.start, snippet.length).into(),
-            }),
+            })),
             _ => None,
         };
         let message = format!("{}: {}", error.place(), error.problem());

@@ -39,17 +39,17 @@ impl FromStr for Size {
 
 /// `X,Y,Z`, finite.
 pub(super) fn vector(text: &str) -> Result<Vec3, String> {
-    match &numbers(text)?[..] {
-        &[x, y, z] => Ok(Vec3::new(x, y, z)),
+    match numbers(text)?[..] {
+        [x, y, z] => Ok(Vec3::new(x, y, z)),
         _ => Err(format!("`{text}` is not a vector; write three numbers X,Y,Z")),
     }
 }
 
 /// `R,G,B` or one number for all three, finite and at least 0.
 pub(super) fn color(text: &str) -> Result<Vec3, String> {
-    let color = match &numbers(text)?[..] {
-        &[grey] => Vec3::splat(grey),
-        &[r, g, b] => Vec3::new(r, g, b),
+    let color = match numbers(text)?[..] {
+        [grey] => Vec3::splat(grey),
+        [r, g, b] => Vec3::new(r, g, b),
         _ => return Err(format!("`{text}` is not a colour; write R,G,B or one number")),
     };
     if color.min_element() < 0.0 {
