@@ -87,7 +87,7 @@ fn failed(file: &Arc<str>, error: &exr::error::Error) -> LoadError {
     let place = Place::whole(file);
     match error {
         exr::error::Error::NotSupported(what) => {
-            let hint = "convert the image to ZIP or PIZ compression with full-resolution channels";
+            let hint = "convert the image to ZIP compression with full-resolution channels and no deep data";
             LoadError::unsupported(place, format!("EXR feature: {what}"), hint)
         }
         other => {
