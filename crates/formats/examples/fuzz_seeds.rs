@@ -9,6 +9,9 @@ use exr::prelude::{
 };
 use image::{DynamicImage, ImageFormat, RgbImage};
 
+/// Writes a file: target, name, bytes.
+type Put = dyn Fn(&str, &str, &[u8]) -> std::io::Result<()>;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let put = |target: &str, name: &str, bytes: &[u8]| {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
@@ -48,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     images(&put)
 }
 
-fn images(put: &dyn Fn(&str, &str, &[u8]) -> std::io::Result<()>) -> Result<(), Box<dyn std::error::Error>> {
+fn images(put: &Put) -> Result<(), Box<dyn std::error::Error>> {
     let picture = RgbImage::from_fn(20, 17, |x, y| image::Rgb([x as u8 * 12, y as u8 * 15, (x * y) as u8]));
     let rgb = DynamicImage::ImageRgb8(picture);
     let kinds = [rgb.clone(), rgb.to_rgba8().into(), rgb.to_luma8().into(), rgb.to_rgb16().into()];

@@ -9,8 +9,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use heliostat_formats::image::decode;
 use heliostat_formats::{Limits, Loaded, Severity, load};
-use heliostat_scene::{Geometry, ObjectId, Scene};
+use heliostat_scene::{Geometry, ObjectId, Pixels, Scene};
 
 /// The folder of real scenes, or a line on stderr.
 fn scenes(test: &str) -> Option<PathBuf> {
@@ -122,5 +123,25 @@ fn triangle_counts_are_those_of_the_index() {
         let (_, scene) = applied(&folder.join(file));
         println!("{file}: {} ms", start.elapsed().as_millis());
         assert_eq!(shown_triangles(&scene), triangles, "{file}");
+    }
+}
+
+#[test]
+fn environment_maps_are_read() {
+    let Some(folder) = scenes("environment_maps_are_read") else { return };
+    // The two EXR files have DWAB compression.
+    for (name, size) in [
+        ("royal_esplanade_256.hdr", [256, 128]),
+        ("interior.exr", [1024, 512]),
+        ("courtyard.exr", [1024, 512]),
+    ] {
+        let bytes = std::fs::read(folder.join("envmaps").join(name)).unwrap();
+        let image = decode(name, &bytes, &Limits::default()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!([image.width, image.height], size, "{name}");
+        let Pixels::RgbaF32(values) = image.pixels else { panic!("{name} has 8 bits") };
+        // Lossy compression may leave black a little below 0.
+        let lowest = values.iter().copied().fold(f32::INFINITY, f32::min);
+        assert!(values.iter().all(|v| v.is_finite()) && lowest > -0.01, "{name}: {lowest}");
+        assert!(values.iter().any(|v| *v > 1.5), "{name} has nothing bright in it");
     }
 }

@@ -23,9 +23,10 @@ pub(super) fn decode(
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
         check_size(file, width, height, limits)?;
-        // All channels as f32, and four more for the result.
+        // All channels as f32, and four more for the result; and a tile, which may be larger than the image.
         let per_pixel = (header.channels.list.len() as u64).saturating_add(4).saturating_mul(4);
-        if (width * height).saturating_mul(per_pixel) > memory {
+        let tile = guarded(file, || header.max_block_byte_size())? as u64;
+        if (width * height).saturating_mul(per_pixel).saturating_add(tile.saturating_mul(2)) > memory {
             return Err(too_large(file, limits));
         }
     }
@@ -87,7 +88,7 @@ fn failed(file: &Arc<str>, error: &exr::error::Error) -> LoadError {
     let place = Place::whole(file);
     match error {
         exr::error::Error::NotSupported(what) => {
-            let hint = "convert the image to ZIP or PIZ compression with full-resolution channels";
+            let hint = "convert the image to ZIP compression with full-resolution channels and no deep data";
             LoadError::unsupported(place, format!("EXR feature: {what}"), hint)
         }
         other => {

@@ -24,7 +24,7 @@ pub use encode::{EncodeError, encode_exr, encode_hdr, encode_png};
 /// 8-bit files become [`Pixels::Rgba8`](heliostat_scene::Pixels::Rgba8) as they are: whoever uses the image knows
 /// its colour space. 16-bit PNGs are rounded to 8 bits for the same reason. HDR and EXR files become
 /// [`Pixels::RgbaF32`](heliostat_scene::Pixels::RgbaF32). EXR: the first layer's R, G, B, A, or its only channel as
-/// grey, at the largest resolution level; deep data and DWA compression are unsupported.
+/// grey, at the largest resolution level; deep data is unsupported.
 ///
 /// # Errors
 /// [`LoadError`] when the data is broken, too large, or in no supported format.
@@ -51,11 +51,12 @@ pub(crate) fn decode_within(
         guarded(file, || reader(bytes, format, memory).into_decoder().map(|d| d.dimensions()))?
             .map_err(|error| broken(file, format, &error))?;
     check_size(file, width.into(), height.into(), limits)?;
-    let decoded = guarded(file, || reader(bytes, format, memory).decode())?
-        .map_err(|error| broken(file, format, &error))?;
-    if u64::from(width) * u64::from(height) * pixels::bytes_per_pixel(&decoded) > memory {
+    let bytes_per_pixel = if format == ImageFormat::Hdr { 16 } else { 4 };
+    if u64::from(width) * u64::from(height) * bytes_per_pixel > memory {
         return Err(too_large(file, limits));
     }
+    let decoded = guarded(file, || reader(bytes, format, memory).decode())?
+        .map_err(|error| broken(file, format, &error))?;
     Ok(match decoded {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
             Image::rgba_f32(width, height, decoded.into_rgba32f().into_raw())

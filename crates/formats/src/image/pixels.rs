@@ -1,15 +1,6 @@
 //! Small operations on pixels that importers need.
 
-use ::image::DynamicImage;
 use heliostat_scene::{Image, Pixels};
-
-/// Bytes per pixel of the [`Image`] that a decoded picture becomes.
-pub(crate) fn bytes_per_pixel(decoded: &DynamicImage) -> u64 {
-    match decoded {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => 16,
-        _ => 4,
-    }
-}
 
 /// Bytes of an image's pixels.
 pub(crate) fn byte_len(image: &Image) -> u64 {

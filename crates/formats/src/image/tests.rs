@@ -132,3 +132,26 @@ fn damaged_exr_files_of_every_compression_never_panic() {
         }
     }
 }
+
+#[test]
+fn damaged_images_of_every_other_format_never_panic() {
+    let picture: Vec<u8> = (0..20 * 17 * 3).map(|i| (i * 7 % 256) as u8).collect();
+    let picture = image_crate::RgbImage::from_raw(20, 17, picture).unwrap();
+    for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tga] {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).unwrap();
+        let bytes = bytes.into_inner();
+        assert!(decode("a.tga", &bytes, &Limits::default()).is_ok(), "{format:?}");
+        // Headers in full, data in samples.
+        for position in (0..bytes.len()).filter(|p| *p < 700 || p % 13 == 0) {
+            for value in [0, 0x24, 0x41, 255] {
+                let mut damaged = bytes.clone();
+                damaged[position] = value;
+                let limits = Limits { image_pixels: 1 << 20, memory_bytes: 1 << 26, ..Limits::default() };
+                if let Err(error) = decode("a.tga", &damaged, &limits) {
+                    assert!(!error.problem().is_empty());
+                }
+            }
+        }
+    }
+}
