@@ -12,7 +12,7 @@ const PROBES: u32 = 256;
 /// Directions along which a camera may stand inside a room.
 const AZIMUTHS: u32 = 32;
 /// Share of probes that must see the front of something far away for the scene to be a room.
-const ROOM_SHARE: f32 = 0.6;
+const ROOM_SHARE: f32 = 0.5;
 /// Vertical field of view inside rooms, radians: wide enough for two walls.
 const ROOM_FOV: f32 = 1.05;
 /// Vertical field of view from outside, radians.
@@ -47,7 +47,7 @@ fn is_room(rays: &impl RayQuery, bounds: &SceneBounds) -> bool {
     rays.intersect(&probes, &mut hits);
     let walls = probes.iter().zip(&hits).filter(|(ray, hit)| {
         let exit = distance_to_bounds(bounds, ray.direction);
-        hit.is_hit() && hit.ng.dot(ray.direction) < 0.0 && hit.t > 0.4 * exit
+        hit.is_hit() && hit.ng.dot(ray.direction) < 0.0 && hit.t > 0.25 * exit
     });
     walls.count() as f32 > ROOM_SHARE * PROBES as f32
 }
@@ -58,28 +58,36 @@ fn distance_to_bounds(bounds: &SceneBounds, direction: Vec3) -> f32 {
     (half / direction.abs().max(Vec3::splat(1e-6))).min_element()
 }
 
-/// Stands back from the middle of a room as far as something is in the way, in the direction where that is farthest.
+/// Stands back from the middle of a room: through its open side if it has one, else as far as there is space.
 fn inside(rays: &impl RayQuery, bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
     let center = bounds.center();
     let backwards: Vec<Ray> = (0..AZIMUTHS)
         .map(|i| {
-            // Counted from +Z, so that among equals the front view wins.
             let (sin, cos) = (TAU * i as f32 / AZIMUTHS as f32).sin_cos();
             Ray::new(center, Vec3::new(sin, 0.0, cos))
         })
         .collect();
     let mut hits = vec![Hit::MISS; backwards.len()];
     rays.intersect(&backwards, &mut hits);
-    // Through an open side it is enough to step back until the opening fills the picture.
-    let slope = (0.5 * vertical_fov).tan();
-    let half = 0.5 * (bounds.max - bounds.min);
-    let free = |ray: &Ray, hit: &Hit| {
-        let across = Vec3::new(ray.direction.z, 0.0, -ray.direction.x).abs().dot(half);
-        let open = distance_to_bounds(bounds, ray.direction) + (across / aspect).max(half.y) / slope;
-        if hit.is_hit() { (0.9 * hit.t).min(open) } else { open }
+    let ways = || backwards.iter().map(|ray| ray.direction).zip(&hits);
+    let open: Vec3 = ways().filter(|(_, hit)| !hit.is_hit()).map(|(direction, _)| direction).sum();
+    let (direction, distance) = if open.length() > 1.0 {
+        // Straight through an opening that roughly lies along an axis, from where the room fills the picture.
+        let mean = open.normalize();
+        let axis =
+            if mean.x.abs() > mean.z.abs() { Vec3::X * mean.x.signum() } else { Vec3::Z * mean.z.signum() };
+        let direction = if mean.dot(axis) > 0.85 { axis } else { mean };
+        let half = 0.5 * (bounds.max - bounds.min);
+        let across = Vec3::new(direction.z, 0.0, -direction.x).abs().dot(half);
+        let back = (across / aspect).max(half.y) / (0.5 * vertical_fov).tan();
+        (direction, distance_to_bounds(bounds, direction) + back)
+    } else {
+        // Among equals the view from +Z wins.
+        ways().fold((Vec3::Z, 0.0), |best, (direction, hit)| {
+            let free = 0.9 * hit.t;
+            if hit.is_hit() && free > 1.001 * best.1 { (direction, free) } else { best }
+        })
     };
-    let best = backwards.iter().zip(&hits).map(|(ray, hit)| (ray.direction, free(ray, hit)));
-    let (direction, distance) = best.fold((Vec3::Z, 0.0), |a, b| if b.1 > 1.001 * a.1 { b } else { a });
     Camera::look_at("inside", center + distance.max(1e-3) * direction, center, Vec3::Y, vertical_fov)
 }
 

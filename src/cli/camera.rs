@@ -1,12 +1,14 @@
-//! Chooses the point of view: as named, as placed by hand, the scene's own, or one that shows all of it.
+//! Chooses the point of view: as named, as placed by hand, the scene's own, or one that shows it well.
 
 use glam::Vec3;
-use heliostat::scene::{Camera, Projection, Scene, SceneBounds};
+use heliostat::engine::Engine;
+use heliostat::framing::frame_scene;
+use heliostat::scene::{Camera, Projection, Scene};
 
 use super::failure::Failure;
 use super::values;
 
-/// Vertical field of view of cameras that the scene does not bring, radians.
+/// Vertical field of view of cameras placed by hand, radians.
 const DEFAULT_FOV: f32 = 0.7;
 
 #[derive(Debug, clap::Args)]
@@ -29,36 +31,34 @@ pub(super) struct Arguments {
     fov: Option<f32>,
 }
 
-/// A camera and, when the user should know how it came about, a note.
-pub(super) struct Choice {
-    pub(super) camera: Camera,
-    pub(super) note: Option<String>,
-}
-
-/// The camera that the arguments ask for; without any, the scene's first, else one that frames everything in a picture
-/// of the given aspect ratio (width over height).
+/// The camera that the arguments ask for; without any, the scene's first; `None` if there is none and [`framed`] must
+/// find one once there are rays to find it with.
 ///
 /// # Errors
-/// When the scene has no such camera, or the one placed by hand sees in no direction.
-pub(super) fn choose(arguments: &Arguments, scene: &Scene, aspect: f32) -> Result<Choice, Failure> {
-    let mut choice = match (&arguments.camera, arguments.eye, arguments.target) {
-        (Some(wanted), ..) => Choice { camera: named(wanted, scene)?, note: None },
-        (None, Some(eye), Some(target)) => Choice { camera: placed(arguments, eye, target)?, note: None },
-        _ => match (scene.cameras().values().next(), scene.bounds()) {
-            (Some(camera), _) => Choice { camera: camera.clone(), note: None },
-            (None, Some(bounds)) => Choice {
-                camera: framing(&bounds, aspect, arguments.fov.unwrap_or(DEFAULT_FOV)),
-                note: Some("the scene has no camera; this one shows all of it".into()),
-            },
-            (None, None) => return Err(empty()),
+/// When the scene has no such camera, the one placed by hand sees in no direction, or there is nothing to frame.
+pub(super) fn choose(arguments: &Arguments, scene: &Scene) -> Result<Option<Camera>, Failure> {
+    let mut camera = match (&arguments.camera, arguments.eye, arguments.target) {
+        (Some(wanted), ..) => named(wanted, scene)?,
+        (None, Some(eye), Some(target)) => placed(arguments, eye, target)?,
+        _ => match scene.cameras().values().next() {
+            Some(camera) => camera.clone(),
+            None if scene.bounds().is_some() => return Ok(None),
+            None => return Err(empty()),
         },
     };
-    if let (Some(fov), Projection::Perspective { vertical_fov }) =
-        (arguments.fov, &mut choice.camera.projection)
-    {
+    if let (Some(fov), Projection::Perspective { vertical_fov }) = (arguments.fov, &mut camera.projection) {
         *vertical_fov = fov;
     }
-    Ok(choice)
+    Ok(Some(camera))
+}
+
+/// A camera that shows the whole scene, or the inside of a room, in a picture of the given aspect ratio.
+///
+/// # Errors
+/// When there is nothing to look at.
+pub(super) fn framed(arguments: &Arguments, engine: &Engine, aspect: f32) -> Result<Camera, Failure> {
+    let bounds = engine.scene().bounds().ok_or_else(empty)?;
+    Ok(frame_scene(engine.rays(), &bounds, aspect, arguments.fov))
 }
 
 fn empty() -> Failure {
@@ -82,49 +82,4 @@ fn placed(arguments: &Arguments, eye: Vec3, target: Vec3) -> Result<Camera, Fail
     }
     let up = arguments.up.unwrap_or(Vec3::Y);
     Ok(Camera::look_at("", eye, target, up, arguments.fov.unwrap_or(DEFAULT_FOV)))
-}
-
-/// A three-quarter view from above, as near as it can be while every corner of the bounds stays in the picture.
-fn framing(bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
-    const MARGIN: f32 = 1.06;
-    let center = bounds.center();
-    let toward_eye = Vec3::new(0.62, 0.42, 1.0).normalize();
-    let axes =
-        Camera::look_at("", center + toward_eye, center, Vec3::Y, vertical_fov).world_from_camera.matrix3;
-    let slope = (0.5 * vertical_fov).tan();
-    let half = 0.5 * (bounds.max - bounds.min);
-    // A corner at (x, y, z) in camera axes around the centre needs |x| ≤ (d − z) · slope · aspect, and |y| likewise.
-    let distance = (0..8)
-        .map(|i| {
-            Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -half[axis] } else { half[axis] }))
-        })
-        .map(|corner| axes.transpose() * corner)
-        .map(|p| p.z + (p.x.abs() / aspect).max(p.y.abs()) / slope)
-        .fold(0.0, f32::max);
-    // A scene that is a single point still gets a camera outside it.
-    let distance = (MARGIN * distance).max(1e-3);
-    Camera::look_at("framing", center + distance * toward_eye, center, Vec3::Y, vertical_fov)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn framing_fits_the_bounds_tightly() {
-        for aspect in [0.5, 1.0, 2.0] {
-            let bounds = SceneBounds { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(5.0, 1.0, 3.0) };
-            let camera = framing(&bounds, aspect, 0.7);
-            let camera_from_world = camera.world_from_camera.inverse();
-            let mut extent = 0.0f32;
-            for i in 0..8 {
-                let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
-                let p = camera_from_world.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
-                let edge = -p.z * 0.35f32.tan();
-                assert!(p.z < 0.0);
-                extent = extent.max(p.x.abs() / (edge * aspect)).max(p.y.abs() / edge);
-            }
-            assert!((0.85..=1.0).contains(&extent), "{aspect}: {extent}");
-        }
-    }
 }

@@ -149,11 +149,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         edits.extend(light::default_light(&scene));
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }
-    let aspect = arguments.size.width as f32 / arguments.size.height as f32;
-    let choice = camera::choose(&arguments.camera, &scene, aspect)?;
-    if let Some(text) = &choice.note {
-        note(text);
-    }
+    let camera = camera::choose(&arguments.camera, &scene)?;
     if arguments.frames.len() > 1 {
         note("nothing moves yet: the frames differ in their noise alone");
     }
@@ -167,7 +163,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for warning in &applied.warnings {
         console::message(&format!("warning: {warning}"));
     }
-    let mut request = request(arguments, choice.camera);
+    let camera = match camera {
+        Some(camera) => camera,
+        None => {
+            let aspect = arguments.size.width as f32 / arguments.size.height as f32;
+            let camera = camera::framed(&arguments.camera, &engine, aspect)?;
+            note(&format!("the scene has no camera; this one looks at it from the {}", camera.name));
+            camera
+        }
+    };
+    let mut request = request(arguments, camera);
     for number in arguments.frames.clone() {
         request.frame = number;
         let (asked, frame);
