@@ -2,8 +2,9 @@
 //!
 //! **Edits in, frames out.** Whatever makes a scene ([`builtin`], [`formats`], your program) produces
 //! [`scene::Edit`]s; a [`scene::Backend`] such as [`engine::Engine`] applies them and answers
-//! [`scene::FrameRequest`]s. This crate gathers the rooms and adds [`compare`], which measures how far two pictures
-//! are apart.
+//! [`scene::FrameRequest`]s. This crate gathers the rooms and adds what their users share: a point of view
+//! ([`framing`]) and light ([`lighting`]) for scenes that bring none, and [`compare`], which measures how far two
+//! pictures are apart.
 //!
 //! ```
 //! use heliostat::engine::{Engine, EngineOptions, tone};
@@ -24,6 +25,7 @@
 
 pub mod compare;
 pub mod framing;
+pub mod lighting;
 
 pub use heliostat_builtin as builtin;
 pub use heliostat_engine as engine;

@@ -1,2 +1,58 @@
-//! Peers side by side and the report's tables as ratios.
-fn main() {}
+//! Programs that measure and show: peers side by side, the report's tables as ratios, pictures of whole folders.
+//!
+//! ```text
+//! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
+//! ```
+
+mod contact_sheet;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+#[derive(Debug, Parser)]
+#[command(name = "heliostat-bench")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render every glTF, OBJ and PLY file below a folder and put the pictures on one sheet
+    ContactSheet {
+        /// Searched with everything below it
+        folder: PathBuf,
+        /// The sheet, a PNG
+        #[arg(short, long, default_value = "contact-sheet.png")]
+        output: PathBuf,
+        /// Samples per pixel
+        #[arg(long, default_value_t = 16)]
+        spp: u32,
+        /// Of the files in one folder, show only the first few
+        #[arg(long, default_value_t = 8)]
+        per_folder: usize,
+    },
+}
+
+fn main() -> ExitCode {
+    let Command::ContactSheet { folder, output, spp, per_folder } = Arguments::parse().command;
+    match contact_sheet::run(&folder, &output, spp, per_folder) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            report(&format!("error: {message}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[expect(clippy::print_stderr, reason = "messages of a program go to stderr")]
+fn report(message: &str) {
+    eprintln!("{message}");
+}
+
+#[expect(clippy::print_stdout, reason = "results of a program go to stdout")]
+fn result(line: &str) {
+    println!("{line}");
+}

@@ -9,7 +9,6 @@ mod console;
 mod failure;
 mod info;
 mod input;
-mod light;
 mod output;
 mod render;
 mod scenes;

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use glam::{Mat3, Vec3};
 use heliostat::compare::Picture;
 use heliostat::engine::{Engine, EngineOptions};
+use heliostat::lighting;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image,
     MaterialOverride, Plane, Scene,
@@ -17,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::failure::Failure;
 use super::values::{self, Exposure, Size, Surroundings};
-use super::{camera, console, input, light, output};
+use super::{camera, console, input, output};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -145,8 +146,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     edits.extend(environment(arguments.environment.as_ref())?);
     let mut scene = Scene::default();
     scene.apply(&edits)?;
-    if !light::is_lit(&scene) && !arguments.no_default_light && arguments.environment.is_none() {
-        edits.extend(light::default_light(&scene));
+    if !lighting::is_lit(&scene) && !arguments.no_default_light && arguments.environment.is_none() {
+        edits.extend(lighting::default_light(&scene));
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }
     let camera = camera::choose(&arguments.camera, &scene)?;

@@ -184,13 +184,10 @@ fn lab(rgb: Vec3) -> Vec3 {
     Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 }
 
-/// The inverse of the IEC 61966-2-1 transfer curve.
-pub(super) fn srgb_decode(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
 #[cfg(test)]
 mod tests {
+    use heliostat_shading::color::srgb_decode;
+
     use super::*;
 
     const WIDTH: usize = 96;

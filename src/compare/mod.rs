@@ -5,10 +5,12 @@ mod flip;
 use glam::{DVec3, Vec3};
 use heliostat_engine::tone;
 use heliostat_scene::{Image, Pixels};
+use heliostat_shading::color::srgb_decode;
 
 pub use flip::flip;
 
-/// Added to the squared reference in [`Comparison::relmse`], so that black pixels count but do not dominate.
+/// Times the mean square of the reference, this is added to the squared reference in [`Comparison::relmse`], so that black
+/// pixels count but do not dominate. Relative to the picture, the measure does not depend on exposure.
 pub const RELMSE_EPSILON: f64 = 1e-2;
 
 /// A picture to compare.
@@ -38,7 +40,8 @@ pub enum Referred {
 pub struct Comparison {
     /// √ mean (a − b)², over all pixels and channels.
     pub rmse: f64,
-    /// Mean of (a − b)² / (b² + [`RELMSE_EPSILON`]), over all pixels and channels.
+    /// Mean of (a − b)² / (b² + ε), ε = [`RELMSE_EPSILON`] · mean b² (just
+    /// [`RELMSE_EPSILON`] for a black reference), over all pixels and channels.
     pub relmse: f64,
     /// Mean [FLIP](flip()) error of what an observer sees, from 0 (the same) to 1.
     pub flip: f64,
@@ -87,7 +90,7 @@ impl Picture {
     pub fn from_image(image: &Image) -> Self {
         let (color, referred) = match &image.pixels {
             Pixels::Rgba8(values) => {
-                let linear: Vec<f32> = (0..=255u8).map(|v| flip::srgb_decode(f32::from(v) / 255.0)).collect();
+                let linear: Vec<f32> = (0..=255u8).map(|v| srgb_decode(f32::from(v) / 255.0)).collect();
                 let pixel = |p: &[u8]| Vec3::from_array([p[0], p[1], p[2]].map(|v| linear[usize::from(v)]));
                 (values.chunks_exact(4).map(pixel).collect(), Referred::Display)
             }
@@ -164,20 +167,22 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
     }
     a.check_finite('A')?;
     b.check_finite('B')?;
+    let values = 3.0 * a.color.len().max(1) as f64;
+    let energy: f64 = b.color.iter().map(|c| c.as_dvec3().length_squared()).sum();
+    let epsilon = RELMSE_EPSILON * if energy > 0.0 { energy / values } else { 1.0 };
     let (mut squares, mut relative) = (DVec3::ZERO, DVec3::ZERO);
     for (a, b) in a.color.iter().zip(&b.color) {
         let (a, b) = (a.as_dvec3(), b.as_dvec3());
         let square = (a - b) * (a - b);
         squares += square;
-        relative += square / (b * b + RELMSE_EPSILON);
+        relative += square / (b * b + epsilon);
     }
-    let values = 3.0 * a.color.len().max(1) as f64;
     let flip_exposure = (b.referred == Referred::Scene).then(|| tone::auto_exposure(&b.color));
     let seen = |picture: &Picture| match flip_exposure {
         None => picture.color.clone(),
         Some(ev) => {
             let bytes = tone::tone_map(&picture.color, ev);
-            let linear = |v: u8| flip::srgb_decode(f32::from(v) / 255.0);
+            let linear = |v: u8| srgb_decode(f32::from(v) / 255.0);
             bytes.chunks_exact(3).map(|p| Vec3::new(linear(p[0]), linear(p[1]), linear(p[2]))).collect()
         }
     };

@@ -54,7 +54,7 @@ fn shown_triangles(scene: &Scene) -> usize {
     };
     for id in scene.bottom_up() {
         let own = scene.objects()[&id].parts.iter().map(|part| {
-            let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry] else { return 0 };
+            let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
             mesh.indices.len()
         });
         let total = own.sum::<usize>() + sum(Some(id), &below);

@@ -135,15 +135,14 @@ impl Lights {
         self.environment.radiance(direction)
     }
 
-    /// Density with which `choose` and `sample` find the environment in a direction.
+    /// Density per steradian with which sampling the environment finds a direction; 0 if it is no light.
     pub fn environment_pdf(&self, direction: Vec3) -> f32 {
-        let Some(index) = self.environment_index else { return 0.0 };
-        self.choice.probability(index as usize) * self.environment.pdf(direction)
+        if self.environment_index.is_some() { self.environment.pdf(direction) } else { 0.0 }
     }
 
-    /// Density of [`Self::sample`] of the environment alone, for renderers that visit every emitter.
-    pub fn environment_only_pdf(&self, direction: Vec3) -> f32 {
-        if self.environment_index.is_some() { self.environment.pdf(direction) } else { 0.0 }
+    /// Probability with which [`Self::choose`] picks the environment.
+    pub fn environment_choice(&self) -> f32 {
+        self.environment_index.map_or(0.0, |index| self.choice.probability(index as usize))
     }
 
     /// Probability of choosing the emitter that is this part of a placement, if it is one, and its index.

@@ -12,7 +12,8 @@ use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::{Cone, Lobes, Sampler, Surface};
 
-use crate::region::{CameraSample, PixelSum, Region, Settings, View, camera_samples, power_heuristic};
+use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
+use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
 use crate::shadow::{PendingLight, ShadowBatch};
 
 /// Edges when the request does not say.
@@ -41,18 +42,9 @@ struct WeightedRay {
 }
 
 impl WeightedRay {
-    fn new(sample: &CameraSample) -> Self {
-        Self {
-            pixel: sample.pixel,
-            sampler: sample.sampler,
-            ray: sample.ray,
-            cone: sample.cone,
-            weight: Vec3::ONE,
-            edges: 0,
-            scatter_pdf: 0.0,
-            passed_distance: 0.0,
-            branch: 1,
-        }
+    fn scattered(&self, hit: &Hit) -> Scattered {
+        let distance = self.passed_distance + hit.t;
+        Scattered { direction: self.ray.direction, pdf: self.scatter_pdf, distance }
     }
 
     /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
@@ -73,70 +65,66 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
     region: &Region,
     sums: &mut [PixelSum],
 ) -> u64 {
-    let mut tracer = Tracer {
-        view,
-        max_edges: settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES),
-        ambient: settings.ambient,
-        first_sample: true,
-        shadows: ShadowBatch::default(),
-        next: Vec::new(),
-        rays: 0,
-    };
-    for sample in 0..settings.samples {
-        tracer.first_sample = sample == 0;
-        let (camera, mut hits) = camera_samples(view, settings, region, sample);
-        tracer.rays += camera.len() as u64;
-        let mut current: Vec<WeightedRay> = camera.iter().map(WeightedRay::new).collect();
-        while !current.is_empty() {
-            tracer.step(&current, &hits, sums);
-            std::mem::swap(&mut current, &mut tracer.next);
-            tracer.next.clear();
-            let rays: Vec<Ray> = current.iter().map(|r| r.ray).collect();
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            view.query.intersect(&rays, &mut hits);
-            tracer.rays += rays.len() as u64;
-        }
-    }
-    tracer.rays
+    let max_edges = settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
+    let ambient = settings.ambient;
+    let mut tracer = Tracer { view, max_edges, ambient, shadows: ShadowBatch::default(), next: Vec::new() };
+    walk(&mut tracer, view, settings, region, sums) + tracer.shadows.traced()
 }
 
 struct Tracer<'a, Q: ?Sized> {
     view: &'a View<'a, Q>,
     max_edges: u32,
     ambient: Vec3,
-    first_sample: bool,
     shadows: ShadowBatch,
     next: Vec<WeightedRay>,
-    rays: u64,
+}
+
+impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
+    type Ray = WeightedRay;
+
+    fn start(sample: &CameraSample) -> WeightedRay {
+        WeightedRay {
+            pixel: sample.pixel,
+            sampler: sample.sampler,
+            ray: sample.ray,
+            cone: sample.cone,
+            weight: Vec3::ONE,
+            edges: 0,
+            scatter_pdf: 0.0,
+            passed_distance: 0.0,
+            branch: 1,
+        }
+    }
+
+    fn ray(ray: &WeightedRay) -> Ray {
+        ray.ray
+    }
+
+    fn step(
+        &mut self,
+        rays: Vec<WeightedRay>,
+        hits: &[Hit],
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Vec<WeightedRay> {
+        let scene = self.view.scene;
+        for (ray, hit) in rays.iter().zip(hits) {
+            let sum = &mut sums[ray.pixel as usize];
+            if hit.is_hit() {
+                self.at_surface(ray, hit, sum, first_sample);
+            } else {
+                sum.add_radiance(ray.weight * environment(scene, Visits::All, &ray.scattered(hit)));
+            }
+        }
+        self.shadows.trace(self.view.query, scene, |light| {
+            sums[light.pixel as usize].add_radiance(light.radiance);
+        });
+        std::mem::take(&mut self.next)
+    }
 }
 
 impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
-    fn step(&mut self, rays: &[WeightedRay], hits: &[Hit], sums: &mut [PixelSum]) {
-        for (ray, hit) in rays.iter().zip(hits) {
-            let sum = &mut sums[ray.pixel as usize];
-            match hit.is_hit() {
-                true => self.at_surface(ray, hit, sum),
-                false => sum.add_radiance(ray.weight * self.environment(ray)),
-            }
-        }
-        self.rays += self.shadows.trace(self.view.query, self.view.scene, |light| {
-            sums[light.pixel as usize].add_radiance(light.radiance);
-        });
-    }
-
-    fn environment(&self, ray: &WeightedRay) -> Vec3 {
-        let lights = self.view.scene.lights();
-        let radiance = lights.environment(ray.ray.direction);
-        match ray.scatter_pdf == 0.0 {
-            true => radiance,
-            false => {
-                radiance * power_heuristic(ray.scatter_pdf, lights.environment_only_pdf(ray.ray.direction))
-            }
-        }
-    }
-
-    fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum) {
+    fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum, first_sample: bool) {
         let scene = self.view.scene;
         let cone = ray.cone.advanced(hit.t);
         let surface = scene.surface(hit, ray.ray.direction, cone);
@@ -149,9 +137,9 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             ray.weight *= surface.coverage;
         }
         if ray.edges == 0 {
-            sum.add_first_hit(scene, hit, &surface, hit.t, self.first_sample);
+            sum.add_first_hit(scene, hit, &surface, hit.t, first_sample);
         }
-        let emission = surface.emission * self.emission_weight(&ray, hit);
+        let emission = surface.emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
         sum.add_radiance(ray.weight * (emission + self.ambient * surface.albedo));
         ray.edges += 1;
         if ray.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
@@ -160,18 +148,6 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         let mirrors = surface.bsdf.sharper_than(MIRROR_ALPHA);
         self.sample_lights(&ray, &surface, mirrors);
         self.reflect(&ray, &surface, mirrors);
-    }
-
-    /// Weight of emission found by a glossy lobe against the samples that every light got.
-    fn emission_weight(&self, ray: &WeightedRay, hit: &Hit) -> f32 {
-        if ray.scatter_pdf == 0.0 {
-            return 1.0;
-        }
-        let distance = ray.passed_distance + hit.t;
-        match self.view.scene.emitter_pdf(hit, ray.ray.direction, distance) {
-            Some(pdf) => power_heuristic(ray.scatter_pdf, pdf.solid_angle),
-            None => 1.0,
-        }
     }
 
     /// A shadow ray to a point of every light. Lobes that send rays of their own share the work with them.

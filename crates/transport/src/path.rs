@@ -8,7 +8,8 @@ use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::{Cone, Lobes, Sampler, Surface};
 
-use crate::region::{CameraSample, PixelSum, Region, Settings, View, camera_samples, power_heuristic};
+use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
+use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
 use crate::shadow::{PendingLight, ShadowBatch};
 
 /// Edges after which paths may be ended by Russian roulette.
@@ -36,9 +37,29 @@ struct Path {
     passed: u32,
 }
 
-impl Path {
-    fn new(sample: &CameraSample) -> Self {
-        Self {
+/// See [`Integrator::render`](crate::Integrator::render).
+pub(crate) fn render<Q: RayQuery + ?Sized>(
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sums: &mut [PixelSum],
+) -> u64 {
+    let max_edges = settings.max_depth.unwrap_or(u32::MAX);
+    let mut tracer = Tracer { view, max_edges, shadows: ShadowBatch::default() };
+    walk(&mut tracer, view, settings, region, sums) + tracer.shadows.traced()
+}
+
+struct Tracer<'a, Q: ?Sized> {
+    view: &'a View<'a, Q>,
+    max_edges: u32,
+    shadows: ShadowBatch,
+}
+
+impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
+    type Ray = Path;
+
+    fn start(sample: &CameraSample) -> Path {
+        Path {
             pixel: sample.pixel,
             sampler: sample.sampler,
             ray: sample.ray,
@@ -51,71 +72,51 @@ impl Path {
             passed: 0,
         }
     }
-}
 
-/// See [`Integrator::render`](crate::Integrator::render).
-pub(crate) fn render<Q: RayQuery + ?Sized>(
-    view: &View<'_, Q>,
-    settings: &Settings,
-    region: &Region,
-    sums: &mut [PixelSum],
-) -> u64 {
-    let max_edges = settings.max_depth.unwrap_or(u32::MAX);
-    let mut tracer = Tracer { view, max_edges, first_sample: true, shadows: ShadowBatch::default(), rays: 0 };
-    for sample in 0..settings.samples {
-        tracer.first_sample = sample == 0;
-        let (camera, mut hits) = camera_samples(view, settings, region, sample);
-        tracer.rays += camera.len() as u64;
-        let mut paths: Vec<Path> = camera.iter().map(Path::new).collect();
-        while !paths.is_empty() {
-            paths = tracer.step(paths, &hits, sums);
-            let rays: Vec<Ray> = paths.iter().map(|p| p.ray).collect();
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            view.query.intersect(&rays, &mut hits);
-            tracer.rays += rays.len() as u64;
-        }
+    fn ray(path: &Path) -> Ray {
+        path.ray
     }
-    tracer.rays
-}
 
-struct Tracer<'a, Q: ?Sized> {
-    view: &'a View<'a, Q>,
-    max_edges: u32,
-    first_sample: bool,
-    shadows: ShadowBatch,
-    rays: u64,
-}
-
-impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
-    /// Extends all paths by one edge; those that go on are returned.
-    fn step(&mut self, paths: Vec<Path>, hits: &[Hit], sums: &mut [PixelSum]) -> Vec<Path> {
+    fn step(
+        &mut self,
+        paths: Vec<Path>,
+        hits: &[Hit],
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Vec<Path> {
+        let scene = self.view.scene;
         let mut next = Vec::with_capacity(paths.len());
         for (path, hit) in paths.into_iter().zip(hits) {
             let sum = &mut sums[path.pixel as usize];
-            match hit.is_hit() {
-                true => next.extend(self.at_surface(path, hit, sum)),
-                false => sum.add_radiance(path.throughput * self.environment(&path)),
+            if hit.is_hit() {
+                next.extend(self.at_surface(path, hit, sum, first_sample));
+            } else {
+                sum.add_radiance(path.throughput * environment(scene, Visits::One, &path.scattered(hit)));
             }
         }
-        self.rays += self.shadows.trace(self.view.query, self.view.scene, |light| {
+        self.shadows.trace(self.view.query, scene, |light| {
             sums[light.pixel as usize].add_radiance(light.radiance);
         });
         next
     }
+}
 
-    /// Radiance of the environment at the end of an escaped path, weighted against light sampling.
-    fn environment(&self, path: &Path) -> Vec3 {
-        let lights = self.view.scene.lights();
-        let radiance = lights.environment(path.ray.direction);
-        if path.scatter_pdf == 0.0 || radiance == Vec3::ZERO {
-            return radiance;
-        }
-        radiance * power_heuristic(path.scatter_pdf, lights.environment_pdf(path.ray.direction))
+impl Path {
+    fn scattered(&self, hit: &Hit) -> Scattered {
+        let distance = self.passed_distance + hit.t;
+        Scattered { direction: self.ray.direction, pdf: self.scatter_pdf, distance }
     }
+}
 
+impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
     /// One vertex of the path: emission, light sampling, scattering. Returns the path if it goes on.
-    fn at_surface(&mut self, mut path: Path, hit: &Hit, sum: &mut PixelSum) -> Option<Path> {
+    fn at_surface(
+        &mut self,
+        mut path: Path,
+        hit: &Hit,
+        sum: &mut PixelSum,
+        first_sample: bool,
+    ) -> Option<Path> {
         let scene = self.view.scene;
         path.cone = path.cone.advanced(hit.t);
         let surface = scene.surface(hit, path.ray.direction, path.cone);
@@ -132,10 +133,11 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             path.throughput *= surface.coverage / (1.0 - pass);
         }
         if path.edges == 0 {
-            sum.add_first_hit(scene, hit, &surface, path.passed_distance + hit.t, self.first_sample);
+            sum.add_first_hit(scene, hit, &surface, path.passed_distance + hit.t, first_sample);
         }
         if surface.emission != Vec3::ZERO {
-            sum.add_radiance(path.throughput * surface.emission * self.emission_weight(&path, hit));
+            let weight = emission_weight(scene, Visits::One, &path.scattered(hit), hit);
+            sum.add_radiance(path.throughput * surface.emission * weight);
         }
         path.edges += 1;
         if path.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
@@ -143,18 +145,6 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         }
         self.sample_light(&path, &surface);
         scatter(path, &surface)
-    }
-
-    /// Multiple importance sampling: weight of emission found by scattering.
-    fn emission_weight(&self, path: &Path, hit: &Hit) -> f32 {
-        if path.scatter_pdf == 0.0 {
-            return 1.0;
-        }
-        let distance = path.passed_distance + hit.t;
-        match self.view.scene.emitter_pdf(hit, path.ray.direction, distance) {
-            Some(pdf) => power_heuristic(path.scatter_pdf, pdf.choice * pdf.solid_angle),
-            None => 1.0,
-        }
     }
 
     /// Next-event estimation: one light, chosen by power, one point on it.

@@ -144,7 +144,7 @@ pub(crate) struct CameraSample {
 }
 
 /// The camera rays of one sample of all pixels of a region, with their closest hits.
-pub(crate) fn camera_samples<Q: RayQuery + ?Sized>(
+fn camera_samples<Q: RayQuery + ?Sized>(
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
@@ -180,12 +180,47 @@ pub(crate) fn camera_samples<Q: RayQuery + ?Sized>(
     (samples, hits)
 }
 
-/// Weight of a sample from a strategy of density `a` when another has density `b`: the power heuristic with β = 2.
-///
-/// # References
-/// Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, section 9.2.4.
-pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
-    // Densities of tiny lights overflow when squared; their ratio does not.
-    let ratio = b / a;
-    if ratio.is_nan() { 0.0 } else { 1.0 / (1.0 + ratio * ratio) }
+/// How an integrator follows rays from the camera: one step per edge, for all rays of a region at once.
+pub(crate) trait Walk {
+    /// A ray on its way, with what it carries.
+    type Ray;
+
+    /// Where a camera sample starts.
+    fn start(sample: &CameraSample) -> Self::Ray;
+
+    /// What to ask the kernel.
+    fn ray(ray: &Self::Ray) -> Ray;
+
+    /// Shades the ends of all rays and returns those that go on. `first_sample` tells the pixel's first sample.
+    fn step(
+        &mut self,
+        rays: Vec<Self::Ray>,
+        hits: &[Hit],
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Vec<Self::Ray>;
+}
+
+/// Walks all samples of a region's pixels and returns the number of rays that were followed.
+pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
+    walk: &mut W,
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sums: &mut [PixelSum],
+) -> u64 {
+    let mut traced = 0;
+    for sample in 0..settings.samples {
+        let (camera, mut hits) = camera_samples(view, settings, region, sample);
+        let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
+        while !current.is_empty() {
+            traced += current.len() as u64;
+            current = walk.step(current, &hits, sums, sample == 0);
+            let rays: Vec<Ray> = current.iter().map(W::ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            view.query.intersect(&rays, &mut hits);
+        }
+    }
+    traced
 }

@@ -23,6 +23,7 @@ pub(crate) struct ShadowBatch {
     lights: Vec<PendingLight>,
     occluded: Vec<bool>,
     hits: Vec<Hit>,
+    traced: u64,
 }
 
 impl ShadowBatch {
@@ -32,47 +33,45 @@ impl ShadowBatch {
         self.lights.push(light);
     }
 
-    /// Traces the batch, hands what arrives to `deliver` in the order of the pushes, and empties it. Returns the
-    /// number of rays traced.
+    /// Rays traced by all batches so far.
+    pub(crate) fn traced(&self) -> u64 {
+        self.traced
+    }
+
+    /// Traces the batch, hands what arrives to `deliver` in the order of the pushes, and empties it.
     pub(crate) fn trace<Q: RayQuery + ?Sized>(
         &mut self,
         query: &Q,
         scene: &ShadingScene,
         deliver: impl FnMut(PendingLight),
-    ) -> u64 {
-        let traced = if scene.has_see_through() {
-            self.attenuate(query, scene)
+    ) {
+        self.occluded.clear();
+        self.occluded.resize(self.rays.len(), false);
+        query.occluded(&self.rays, &mut self.occluded);
+        self.traced += self.rays.len() as u64;
+        if scene.has_see_through() {
+            self.attenuate(query, scene);
         } else {
-            self.occluded.clear();
-            self.occluded.resize(self.rays.len(), false);
-            query.occluded(&self.rays, &mut self.occluded);
             for (light, &occluded) in self.lights.iter_mut().zip(&self.occluded) {
                 if occluded {
                     light.radiance = Vec3::ZERO;
                 }
             }
-            self.rays.len() as u64
-        };
+        }
         self.lights.iter().copied().filter(|light| light.radiance != Vec3::ZERO).for_each(deliver);
         self.rays.clear();
         self.lights.clear();
-        traced
     }
 
-    /// Follows each ray from surface to surface until it arrives or is blocked.
-    fn attenuate<Q: RayQuery + ?Sized>(&mut self, query: &Q, scene: &ShadingScene) -> u64 {
-        // Most rays meet nothing, which any-hit queries find out fastest; the others are followed hit by hit.
-        self.occluded.clear();
-        self.occluded.resize(self.rays.len(), false);
-        query.occluded(&self.rays, &mut self.occluded);
-        let mut traced = self.rays.len() as u64;
+    /// Follows the rays that meet something from surface to surface until they arrive or are blocked.
+    fn attenuate<Q: RayQuery + ?Sized>(&mut self, query: &Q, scene: &ShadingScene) {
         let mut active: Vec<usize> = (0..self.rays.len()).filter(|&i| self.occluded[i]).collect();
         let mut rays: Vec<Ray> = active.iter().map(|&i| self.rays[i]).collect();
         for round in 0.. {
             self.hits.clear();
             self.hits.resize(rays.len(), Hit::MISS);
             query.intersect(&rays, &mut self.hits);
-            traced += rays.len() as u64;
+            self.traced += rays.len() as u64;
             let mut next = Vec::new();
             let mut next_rays = Vec::new();
             for ((&index, ray), hit) in active.iter().zip(&rays).zip(&self.hits) {
@@ -94,10 +93,9 @@ impl ShadowBatch {
                 }
             }
             if next.is_empty() {
-                return traced;
+                return;
             }
             (active, rays) = (next, next_rays);
         }
-        traced
     }
 }

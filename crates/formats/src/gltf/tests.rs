@@ -33,11 +33,8 @@ fn error(document: &Value) -> LoadError {
 }
 
 fn meshes(scene: &Scene) -> Vec<Arc<Mesh>> {
-    let mesh = |geometry: &Geometry| match geometry {
-        Geometry::Mesh(mesh) => Some(mesh.clone()),
-        _ => None,
-    };
-    scene.geometries().values().filter_map(mesh).collect()
+    let mesh = |Geometry::Mesh(mesh): &Geometry| mesh.clone();
+    scene.geometries().values().map(mesh).collect()
 }
 
 fn material(scene: &Scene) -> &Material {

@@ -1,12 +1,12 @@
 //! Light for scenes that bring none.
 
-use heliostat::builtin;
-use heliostat::scene::{Edit, Environment, Scene, SceneBuilder};
+use heliostat_builtin as builtin;
+use heliostat_scene::{Edit, Environment, Scene, SceneBuilder};
 
 /// Whether a scene brings light to be seen by. Textured emission does not count: it is glowing labels and displays on
 /// models that are meant to stand in other light.
-pub(super) fn is_lit(scene: &Scene) -> bool {
-    let shines = |material: &heliostat::scene::Material| {
+pub fn is_lit(scene: &Scene) -> bool {
+    let shines = |material: &heliostat_scene::Material| {
         material.unlit || (material.is_emissive() && material.emissive_texture.is_none())
     };
     let mut parts = scene.objects().values().flat_map(|object| &object.parts);
@@ -16,7 +16,7 @@ pub(super) fn is_lit(scene: &Scene) -> bool {
 }
 
 /// Edits that add a clear sky and a sun.
-pub(super) fn default_light(scene: &Scene) -> Vec<Edit> {
+pub fn default_light(scene: &Scene) -> Vec<Edit> {
     let mut builder = SceneBuilder::continuing(scene);
     builtin::default_light(&mut builder);
     builder.finish()
@@ -27,7 +27,7 @@ mod tests {
     use std::sync::Arc;
 
     use glam::Vec3;
-    use heliostat::scene::{ColorSpace, Image, Material, Mesh, Texture, TextureRef};
+    use heliostat_scene::{ColorSpace, Image, Material, Mesh, Texture, TextureRef};
 
     use super::*;
 

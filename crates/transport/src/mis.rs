@@ -1,0 +1,57 @@
+//! Multiple importance sampling: what light is worth when scattering found it that light sampling could have found too.
+//!
+//! # References
+//! Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, chapter 9.
+
+use glam::Vec3;
+use heliostat_kernel::Hit;
+use heliostat_shading::ShadingScene;
+
+/// Which emitters light sampling visits at a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Visits {
+    /// One, by chance.
+    One,
+    /// Every one.
+    All,
+}
+
+/// How a ray came to its direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scattered {
+    /// Unit length.
+    pub(crate) direction: Vec3,
+    /// Density of the direction, per steradian; 0 if no light sample could have found it.
+    pub(crate) pdf: f32,
+    /// From the scattering surface to the end of the ray, through what let it pass.
+    pub(crate) distance: f32,
+}
+
+/// Weight of a sample from a strategy of density `a` when another has density `b`: the power heuristic with β = 2
+/// (equation 9.13).
+pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
+    // Densities of tiny lights overflow when squared; their ratio does not.
+    let ratio = b / a;
+    if ratio.is_nan() { 0.0 } else { 1.0 / (1.0 + ratio * ratio) }
+}
+
+/// Weight of the emission of the surface that a scattered ray hit.
+pub(crate) fn emission_weight(scene: &ShadingScene, visits: Visits, ray: &Scattered, hit: &Hit) -> f32 {
+    if ray.pdf == 0.0 {
+        return 1.0;
+    }
+    let Some(light) = scene.emitter_pdf(hit, ray.direction, ray.distance) else { return 1.0 };
+    let choice = if visits == Visits::One { light.choice } else { 1.0 };
+    power_heuristic(ray.pdf, choice * light.solid_angle)
+}
+
+/// Radiance of the environment, weighted, for a scattered ray that hit nothing.
+pub(crate) fn environment(scene: &ShadingScene, visits: Visits, ray: &Scattered) -> Vec3 {
+    let lights = scene.lights();
+    let radiance = lights.environment(ray.direction);
+    if ray.pdf == 0.0 || radiance == Vec3::ZERO {
+        return radiance;
+    }
+    let choice = if visits == Visits::One { lights.environment_choice() } else { 1.0 };
+    radiance * power_heuristic(ray.pdf, choice * lights.environment_pdf(ray.direction))
+}
