@@ -13,6 +13,8 @@ const PROBES: u32 = 256;
 const AZIMUTHS: u32 = 32;
 /// Share of probes that must see the front of something far away for the scene to be a room.
 const ROOM_SHARE: f32 = 0.5;
+/// Distance that a camera inside must be able to step back, in radii of the scene.
+const LEAST_SPACE: f32 = 0.4;
 /// Vertical field of view inside rooms, radians: wide enough for two walls.
 const ROOM_FOV: f32 = 1.05;
 /// Vertical field of view from outside, radians.
@@ -27,68 +29,97 @@ pub fn frame_scene(
     aspect: f32,
     vertical_fov: Option<f32>,
 ) -> Camera {
-    match is_room(rays, bounds) {
-        true => inside(rays, bounds, aspect, vertical_fov.unwrap_or(ROOM_FOV)),
-        false => outside(bounds, aspect, vertical_fov.unwrap_or(OUTSIDE_FOV)),
-    }
+    middle_of_room(rays, bounds)
+        .and_then(|middle| inside(rays, bounds, middle, aspect, vertical_fov.unwrap_or(ROOM_FOV)))
+        .unwrap_or_else(|| outside(bounds, aspect, vertical_fov.unwrap_or(OUTSIDE_FOV)))
 }
 
-/// Whether the middle of the bounds sees, in most directions, the front of something not much nearer than the bounds:
-/// walls face their room, while from within a solid all faces are seen from behind.
-fn is_room(rays: &impl RayQuery, bounds: &SceneBounds) -> bool {
-    let center = bounds.center();
+/// The most enclosed of some points around the middle of the bounds (furniture may stand in the very middle), if it is
+/// enclosed enough for a room.
+fn middle_of_room(rays: &impl RayQuery, bounds: &SceneBounds) -> Option<Vec3> {
+    let half = 0.5 * (bounds.max - bounds.min);
+    let steps = [0.0, -0.4, 0.4];
+    let offsets = [0.0, 0.4].into_iter().flat_map(|y| {
+        steps.into_iter().flat_map(move |x| steps.into_iter().map(move |z| Vec3::new(x, y, z)))
+    });
+    let points = offsets.map(|offset| bounds.center() + half * offset);
+    let (middle, share) = points.map(|point| (point, enclosure(rays, bounds, point))).fold(
+        (bounds.center(), 0.0),
+        // The middle itself comes first and yields only to a clearly better place.
+        |best, candidate| if candidate.1 > best.1 + 0.05 { candidate } else { best },
+    );
+    (share >= ROOM_SHARE).then_some(middle)
+}
+
+/// Share of directions in which a point sees the front of something not much nearer than the bounds, over all
+/// directions or over the level ones, whichever is less. Walls face their room, while from within a solid all faces are
+/// seen from behind, and over a plain there are no walls.
+fn enclosure(rays: &impl RayQuery, bounds: &SceneBounds, point: Vec3) -> f32 {
     let probes: Vec<Ray> = (0..PROBES)
         .map(|i| {
             let golden = (i as f32 * 0.618_034).fract();
-            Ray::new(center, uniform_sphere(Vec2::new((i as f32 + 0.5) / PROBES as f32, golden)))
+            let direction = uniform_sphere(Vec2::new((i as f32 + 0.5) / PROBES as f32, golden));
+            // The sphere's axis is z; turned up, the level directions are those of small y.
+            Ray::new(point, Vec3::new(direction.x, direction.z, direction.y))
         })
         .collect();
     let mut hits = vec![Hit::MISS; probes.len()];
     rays.intersect(&probes, &mut hits);
-    let walls = probes.iter().zip(&hits).filter(|(ray, hit)| {
-        let exit = distance_to_bounds(bounds, ray.direction);
+    let sees_wall = |(ray, hit): (&Ray, &Hit)| {
+        let exit = distance_to_bounds(bounds, point, ray.direction);
         hit.is_hit() && hit.ng.dot(ray.direction) < 0.0 && hit.t > 0.25 * exit
-    });
-    walls.count() as f32 > ROOM_SHARE * PROBES as f32
+    };
+    let share = |level: bool| {
+        let chosen = || probes.iter().zip(&hits).filter(|(ray, _)| !level || ray.direction.y.abs() < 0.5);
+        chosen().filter(|&pair| sees_wall(pair)).count() as f32 / chosen().count().max(1) as f32
+    };
+    share(false).min(share(true))
 }
 
-/// From the middle of the box to its surface.
-fn distance_to_bounds(bounds: &SceneBounds, direction: Vec3) -> f32 {
-    let half = 0.5 * (bounds.max - bounds.min);
-    (half / direction.abs().max(Vec3::splat(1e-6))).min_element()
+/// From a point inside the box to its surface.
+fn distance_to_bounds(bounds: &SceneBounds, point: Vec3, direction: Vec3) -> f32 {
+    let room = Vec3::select(direction.cmpgt(Vec3::ZERO), bounds.max - point, point - bounds.min);
+    (room / direction.abs().max(Vec3::splat(1e-6))).min_element()
 }
 
 /// Stands back from the middle of a room: through its open side if it has one, else as far as there is space.
-fn inside(rays: &impl RayQuery, bounds: &SceneBounds, aspect: f32, vertical_fov: f32) -> Camera {
-    let center = bounds.center();
+fn inside(
+    rays: &impl RayQuery,
+    bounds: &SceneBounds,
+    middle: Vec3,
+    aspect: f32,
+    vertical_fov: f32,
+) -> Camera {
     let backwards: Vec<Ray> = (0..AZIMUTHS)
         .map(|i| {
             let (sin, cos) = (TAU * i as f32 / AZIMUTHS as f32).sin_cos();
-            Ray::new(center, Vec3::new(sin, 0.0, cos))
+            Ray::new(middle, Vec3::new(sin, 0.0, cos))
         })
         .collect();
     let mut hits = vec![Hit::MISS; backwards.len()];
     rays.intersect(&backwards, &mut hits);
     let ways = || backwards.iter().map(|ray| ray.direction).zip(&hits);
     let open: Vec3 = ways().filter(|(_, hit)| !hit.is_hit()).map(|(direction, _)| direction).sum();
-    let (direction, distance) = if open.length() > 1.0 {
+    if open.length() > 1.0 {
         // Straight through an opening that roughly lies along an axis, from where the room fills the picture.
         let mean = open.normalize();
         let axis =
             if mean.x.abs() > mean.z.abs() { Vec3::X * mean.x.signum() } else { Vec3::Z * mean.z.signum() };
         let direction = if mean.dot(axis) > 0.85 { axis } else { mean };
-        let half = 0.5 * (bounds.max - bounds.min);
+        let (center, half) = (bounds.center(), 0.5 * (bounds.max - bounds.min));
         let across = Vec3::new(direction.z, 0.0, -direction.x).abs().dot(half);
         let back = (across / aspect).max(half.y) / (0.5 * vertical_fov).tan();
-        (direction, distance_to_bounds(bounds, direction) + back)
-    } else {
-        // Among equals the view from +Z wins.
-        ways().fold((Vec3::Z, 0.0), |best, (direction, hit)| {
-            let free = 0.9 * hit.t;
-            if hit.is_hit() && free > 1.001 * best.1 { (direction, free) } else { best }
-        })
-    };
-    Camera::look_at("inside", center + distance.max(1e-3) * direction, center, Vec3::Y, vertical_fov)
+        let eye = center + direction * (distance_to_bounds(bounds, center, direction) + back);
+        return Some(Camera::look_at("inside", eye, center, Vec3::Y, vertical_fov));
+    }
+    // Among equals the view from +Z wins.
+    let (direction, distance) = ways().fold((Vec3::Z, 0.0), |best, (direction, hit)| {
+        let free = 0.9 * hit.t;
+        if hit.is_hit() && free > 1.001 * best.1 { (direction, free) } else { best }
+    });
+    let eye = middle + distance * direction;
+    (distance > LEAST_SPACE * bounds.radius())
+        .then(|| Camera::look_at("inside", eye, middle, Vec3::Y, vertical_fov))
 }
 
 /// From above and the right, as near as it can be while every corner of the bounds stays in the picture.
