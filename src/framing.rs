@@ -82,14 +82,15 @@ fn distance_to_bounds(bounds: &SceneBounds, point: Vec3, direction: Vec3) -> f32
     (room / direction.abs().max(Vec3::splat(1e-6))).min_element()
 }
 
-/// Stands back from the middle of a room: through its open side if it has one, else as far as there is space.
+/// Stands back from the middle of a room: through its open side if it has one, else as far as there is space. `None`
+/// where there is little space: the inside of a helmet is no room.
 fn inside(
     rays: &impl RayQuery,
     bounds: &SceneBounds,
     middle: Vec3,
     aspect: f32,
     vertical_fov: f32,
-) -> Camera {
+) -> Option<Camera> {
     let backwards: Vec<Ray> = (0..AZIMUTHS)
         .map(|i| {
             let (sin, cos) = (TAU * i as f32 / AZIMUTHS as f32).sin_cos();
