@@ -5,17 +5,17 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Which rooms a room may use. A new arrow is a design decision: it edits ARCHITECTURE.md too.
+/// Which rooms each room uses. A new arrow is a design decision: it edits ARCHITECTURE.md too.
 const ARROWS: &[(&str, &[&str])] = &[
     ("heliostat-scene", &[]),
     ("heliostat-kernel", &[]),
     ("heliostat-shading", &["kernel", "scene"]),
-    ("heliostat-transport", &["kernel", "scene", "shading"]),
+    ("heliostat-transport", &["kernel", "shading"]),
     ("heliostat-engine", &["kernel", "scene", "shading", "transport"]),
     ("heliostat-formats", &["scene"]),
     ("heliostat-builtin", &["scene"]),
     ("heliostat", &["builtin", "engine", "formats", "kernel", "scene", "shading", "transport"]),
-    ("heliostat-bench", &["", "builtin", "engine", "formats", "kernel", "scene", "shading", "transport"]),
+    ("heliostat-bench", &[""]),
 ];
 
 fn packages() -> Vec<Value> {
@@ -49,8 +49,7 @@ fn dependencies_point_down() {
             .map(|room| format!("heliostat-{room}").trim_end_matches('-').to_string())
             .collect();
         let used = arrows(&package);
-        let extra: Vec<_> = used.difference(&allowed).collect();
-        assert!(extra.is_empty(), "`{name}` must not use {extra:?}");
+        assert_eq!(used, allowed, "what `{name}` uses (left) and what this table says (right)");
     }
 }
 
