@@ -2,7 +2,7 @@
 mod common;
 use std::sync::Arc;
 
-use common::{Rng, object};
+use common::{Rng, hunt, object};
 use heliostat_kernel::{
     Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
     glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
@@ -173,12 +173,11 @@ fn placed_solids_hold_rays() {
     assert_no_leak(&root, &origins, &targets);
 }
 
-/// Solids of many shapes, sizes and places, for hunting rare leaks by hand.
+/// Solids of many shapes, sizes and places, a few of them; `HELIOSTAT_HUNT` sets how many, to hunt for rare leaks.
 #[test]
-#[ignore = "takes minutes; run with --ignored after changing a kernel"]
 fn many_solids_hold_rays() {
     let mut rng = Rng::new(25);
-    for _ in 0..150 {
+    for _ in 0..hunt(8) {
         let radius = 10.0_f32.powf(rng.signed() * 5.0);
         let center = rng.vec() * radius * 10.0_f32.powf(rng.signed() * 1.5);
         let mesh = if rng.unit() < 0.7 {

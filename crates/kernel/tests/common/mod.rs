@@ -6,6 +6,12 @@ use heliostat_kernel::{
     BuildOptions, Hit, Isa, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World, glam::Vec3,
 };
 
+/// Rounds of a randomised hunt: `default` in a normal run, more on demand through `HELIOSTAT_HUNT`.
+pub(crate) fn hunt(default: u64) -> u64 {
+    std::env::var("HELIOSTAT_HUNT")
+        .map_or(default, |rounds| rounds.parse().expect("HELIOSTAT_HUNT is a number"))
+}
+
 /// A small deterministic generator (PCG, O'Neill 2014).
 pub(crate) struct Rng(u64);
 
