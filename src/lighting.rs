@@ -1,19 +1,7 @@
 //! Light for scenes that bring none.
 
 use heliostat_builtin as builtin;
-use heliostat_scene::{Edit, Environment, Scene, SceneBuilder};
-
-/// Whether a scene brings light to be seen by. Textured emission does not count: it is glowing labels and displays on
-/// models that are meant to stand in other light.
-pub fn is_lit(scene: &Scene) -> bool {
-    let shines = |material: &heliostat_scene::Material| {
-        material.unlit || (material.is_emissive() && material.emissive_texture.is_none())
-    };
-    let mut parts = scene.objects().values().flat_map(|object| &object.parts);
-    !scene.lights().is_empty()
-        || *scene.environment() != Environment::None
-        || parts.any(|part| shines(&scene.materials()[&part.material]))
-}
+use heliostat_scene::{Edit, Scene, SceneBuilder};
 
 /// Edits that add a clear sky and a sun.
 pub fn default_light(scene: &Scene) -> Vec<Edit> {
@@ -46,11 +34,11 @@ mod tests {
             scene.apply(&builder.finish()).unwrap();
             scene
         };
-        assert!(is_lit(&scene_of(false)));
+        assert!(scene_of(false).has_light());
         let mut scene = scene_of(true);
-        assert!(!is_lit(&scene));
+        assert!(!scene.has_light());
         scene.apply(&default_light(&scene)).unwrap();
-        assert!(is_lit(&scene));
-        assert!(!is_lit(&Scene::default()));
+        assert!(scene.has_light());
+        assert!(!Scene::default().has_light());
     }
 }

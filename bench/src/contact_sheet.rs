@@ -6,7 +6,7 @@ use std::time::Instant;
 use heliostat::engine::{Engine, EngineOptions, tone};
 use heliostat::formats::{Limits, image, load};
 use heliostat::framing::frame_scene;
-use heliostat::lighting::{default_light, is_lit};
+use heliostat::lighting::default_light;
 use heliostat::scene::{Backend, FrameRequest, Progress};
 
 const COLUMNS: usize = 6;
@@ -79,7 +79,7 @@ fn thumbnail(file: &Path, spp: u32) -> Result<(Vec<u8>, u64), String> {
     let report = engine.apply(&loaded.edits, &progress).map_err(|error| error.to_string())?;
     let triangles =
         report.rebuilt.iter().filter(|r| r.what.starts_with("triangle")).map(|r| r.primitives).sum();
-    if !is_lit(engine.scene()) {
+    if !engine.scene().has_light() {
         let light = default_light(engine.scene());
         engine.apply(&light, &progress).map_err(|error| error.to_string())?;
     }

@@ -146,7 +146,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     edits.extend(environment(arguments.environment.as_ref())?);
     let mut scene = Scene::default();
     scene.apply(&edits)?;
-    if !lighting::is_lit(&scene) && !arguments.no_default_light && arguments.environment.is_none() {
+    if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
         edits.extend(lighting::default_light(&scene));
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }

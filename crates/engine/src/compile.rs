@@ -37,6 +37,8 @@ pub(crate) struct Compiled {
     textures: BTreeMap<TextureId, Arc<MipMap>>,
     interfaces: InterfaceCache,
     environment: Arc<EnvironmentLight>,
+    /// The order of the material table.
+    materials: Vec<MaterialId>,
     placements: Arc<[Placement]>,
     shading: Arc<ShadingScene>,
     /// Tables for [`MaterialOverride::Diffuse`], made when first asked for.
@@ -56,6 +58,7 @@ impl Default for Compiled {
             textures: BTreeMap::new(),
             interfaces: InterfaceCache::new(),
             environment,
+            materials: Vec::new(),
             placements,
             shading: Arc::new(shading),
             diffuse: None,
@@ -66,15 +69,13 @@ impl Default for Compiled {
 /// What a list of edits touches, with the first edit that does.
 #[derive(Default)]
 struct Dirty {
-    geometries: BTreeMap<GeometryId, Target>,
+    geometries: BTreeSet<GeometryId>,
     /// Some object was defined, replaced or removed.
     objects: bool,
     /// Objects (`None`: the world) whose list of instances changed.
     instances: BTreeMap<Option<ObjectId>, (Target, RebuildReason)>,
     textures: BTreeSet<TextureId>,
     environment: bool,
-    /// Materials came or went: the table's order changed.
-    material_table: bool,
 }
 
 impl Dirty {
@@ -82,7 +83,7 @@ impl Dirty {
         let mut dirty = Self::default();
         for edit in edits {
             match edit {
-                Edit::Geometry(id, _) => _ = dirty.geometries.entry(*id).or_insert(Target::Geometry(*id)),
+                Edit::Geometry(id, _) => _ = dirty.geometries.insert(*id),
                 Edit::Object(..) => dirty.objects = true,
                 Edit::RemoveObject(id) => {
                     dirty.objects = true;
@@ -96,9 +97,10 @@ impl Dirty {
                 }
                 Edit::Texture(id, _) => _ = dirty.textures.insert(*id),
                 Edit::RemoveTexture(id) => _ = compiled.textures.remove(id),
-                Edit::Material(..) | Edit::RemoveMaterial(_) => dirty.material_table = true,
                 Edit::Environment(_) => dirty.environment = true,
-                Edit::RemoveGeometry(_)
+                Edit::Material(..)
+                | Edit::RemoveMaterial(_)
+                | Edit::RemoveGeometry(_)
                 | Edit::Light(..)
                 | Edit::RemoveLight(_)
                 | Edit::Camera(..)
@@ -164,11 +166,22 @@ impl Compiled {
             let reason = RebuildReason::Changed;
             note(&mut report, "environment sampling table", Target::Environment, reason, 1, start);
         }
-        if dirty.touches_structure() || dirty.material_table {
+        if progress.is_cancelled() {
+            return Err(BackendError::Cancelled);
+        }
+        let camera_alone = |edit: &Edit| matches!(edit, Edit::Camera(..) | Edit::RemoveCamera(_));
+        if edits.iter().all(camera_alone) {
+            return Ok(report);
+        }
+        // Placements refer to materials by their position in the table.
+        let same_materials = scene.materials().keys().eq(&self.materials);
+        if dirty.touches_structure() || !same_materials {
             self.placements = self.placements(scene)?;
+            self.materials = scene.materials().keys().copied().collect();
         }
         self.diffuse = None;
         self.shading = Arc::new(self.tables(scene, MaterialOverride::None));
+        self.interfaces.retain(|_, tables| Arc::strong_count(tables) > 1);
         Ok(report)
     }
 
@@ -240,10 +253,10 @@ impl Compiled {
     /// Why an object's triangle tree must be built, if it must: its geometries changed, in themselves or as a list.
     fn triangle_cause(&self, scene: &Scene, dirty: &Dirty, id: ObjectId) -> Option<(Target, RebuildReason)> {
         let parts = &scene.objects()[&id].parts;
-        let geometry = parts.iter().find_map(|part| dirty.geometries.get(&part.geometry));
+        let geometry = parts.iter().map(|part| part.geometry).find(|id| dirty.geometries.contains(id));
         match (self.objects.get(&id), geometry) {
             (None, _) => Some((Target::Object(id), RebuildReason::New)),
-            (Some(_), Some(&cause)) => Some((cause, RebuildReason::Changed)),
+            (Some(_), Some(geometry)) => Some((Target::Geometry(geometry), RebuildReason::Changed)),
             (Some(built), None) => {
                 let same = built.geometries.iter().copied().eq(parts.iter().map(|part| part.geometry));
                 (!same).then_some((Target::Object(id), RebuildReason::Changed))
@@ -332,12 +345,17 @@ impl Compiled {
                 Some(&id) => {
                     let instance = InstanceId(id);
                     let object = scene.instances()[&instance].object;
-                    Placement::new(*world_from_object, object, instance, parts[&object].clone())
+                    let detour = detour(scene, ids);
+                    Placement::new(*world_from_object, detour, object, instance, parts[&object].clone())
                 }
                 // The world itself has no triangles of its own.
-                None => {
-                    Placement::new(*world_from_object, ObjectId(u32::MAX), InstanceId(u32::MAX), Arc::new([]))
-                }
+                None => Placement::new(
+                    *world_from_object,
+                    0.0,
+                    ObjectId(u32::MAX),
+                    InstanceId(u32::MAX),
+                    Arc::new([]),
+                ),
             });
         });
         Ok(placements.into())
@@ -401,6 +419,21 @@ fn instance_cause(
         let child = placed.iter().find_map(|id| rebuilt.get(&scene.instances()[id].object));
         child.map(|&cause| (cause, RebuildReason::ChildChanged))
     })
+}
+
+/// See [`Placement::detour`]: each instance's translation, scaled by what lies above it.
+fn detour(scene: &Scene, ids: &[u32]) -> f32 {
+    if ids.len() < 2 {
+        return 0.0;
+    }
+    let mut sum = 0.0;
+    let mut world_from_parent = Affine3A::IDENTITY;
+    for id in ids {
+        let parent_from_object = scene.instances()[&InstanceId(*id)].parent_from_object;
+        sum += world_from_parent.transform_vector3a(parent_from_object.translation).length();
+        world_from_parent *= parent_from_object;
+    }
+    sum
 }
 
 fn mesh_of(scene: &Scene, geometry: GeometryId) -> &Arc<heliostat_scene::Mesh> {

@@ -1,25 +1,24 @@
 //! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
 
 use std::num::NonZeroUsize;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use heliostat_kernel::{Isa, RayQuery};
 use heliostat_scene::{
-    ApplyReport, Backend, BackendError, Edit, Frame, FrameRequest, FrameStats, MaterialOverride, Progress,
-    Scene,
+    ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, MaterialOverride,
+    Progress, Scene,
 };
 use heliostat_shading::{CameraRays, PixelFilter};
 use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::Compiled;
-use crate::film;
+use crate::film::Film;
 
 /// Stack of a rendering thread: instances may nest 64 deep, and each level keeps a tile's worth of rays.
 const STACK_BYTES: usize = 16 << 20;
 /// Most pixels of one picture.
-const MAX_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 27;
 
 /// How the engine runs.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,13 +69,14 @@ impl Engine {
         self.compiled.world()
     }
 
-    /// Renders all regions; threads draw from one queue. Sums come back in the order of the regions.
+    /// Renders all regions into a film; threads draw from one queue. Returns the number of rays.
     fn render_regions(
         &self,
         request: &FrameRequest,
         integrator: Integrator,
+        film: &Film,
         progress: &Progress,
-    ) -> Result<(Vec<Vec<PixelSum>>, u64), BackendError> {
+    ) -> Result<u64, BackendError> {
         let camera = CameraRays::new(&request.camera, request.width, request.height);
         let scene = self.compiled.shading(request.materials);
         let view = View { query: self.compiled.world(), scene, camera: &camera };
@@ -89,20 +89,20 @@ impl Engine {
             ambient: request.ambient,
         };
         let regions: Vec<Region> = Region::cover(request.width, request.height).collect();
-        progress.start(regions.len() as u64);
+        progress.start(regions.len() as u64 * u64::from(request.samples));
         let next = AtomicUsize::new(0);
         let rays = AtomicU64::new(0);
-        let finished = Mutex::new(vec![Vec::new(); regions.len()]);
+        let after_sample = || {
+            progress.advance(1);
+            !progress.is_cancelled()
+        };
         let work = || {
             while !progress.is_cancelled() {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(region) = regions.get(index) else { return };
+                let Some(region) = regions.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
                 let mut sums = vec![PixelSum::default(); (region.width * region.height) as usize];
-                rays.fetch_add(integrator.render(&view, &settings, region, &mut sums), Ordering::Relaxed);
-                if let Ok(mut finished) = finished.lock() {
-                    finished[index] = sums;
-                }
-                progress.advance(1);
+                let traced = integrator.render(&view, &settings, region, &mut sums, &after_sample);
+                rays.fetch_add(traced, Ordering::Relaxed);
+                film.store(region, &sums);
             }
         };
         std::thread::scope(|scope| {
@@ -110,15 +110,29 @@ impl Engine {
                 let builder = std::thread::Builder::new().name(format!("heliostat-render-{i}"));
                 builder.stack_size(STACK_BYTES).spawn_scoped(scope, work)
             };
-            (0..self.threads.get().min(regions.len())).try_for_each(|i| start(i).map(drop))
-        })
-        .map_err(|error| BackendError::Failed(format!("cannot start a rendering thread: {error}")))?;
-        if progress.is_cancelled() {
-            return Err(BackendError::Cancelled);
-        }
-        let sums =
-            finished.into_inner().map_err(|_| BackendError::Failed("a rendering thread panicked".into()))?;
-        Ok((sums, rays.into_inner()))
+            let mut result = Ok(());
+            let mut workers = Vec::new();
+            for i in 0..self.threads.get().min(regions.len()) {
+                match start(i) {
+                    Ok(worker) => workers.push(worker),
+                    Err(error) => {
+                        // Nobody waits for this picture any more: empty the queue.
+                        next.store(regions.len(), Ordering::Relaxed);
+                        result =
+                            Err(BackendError::Failed(format!("cannot start a rendering thread: {error}")));
+                        break;
+                    }
+                }
+            }
+            for worker in workers {
+                if worker.join().is_err() {
+                    result =
+                        Err(BackendError::Failed("a rendering thread panicked; please report this".into()));
+                }
+            }
+            result
+        })?;
+        if progress.is_cancelled() { Err(BackendError::Cancelled) } else { Ok(rays.into_inner()) }
     }
 }
 
@@ -147,8 +161,9 @@ impl Backend for Engine {
         if request.materials != MaterialOverride::None {
             self.compiled.prepare_override(&self.scene, request.materials);
         }
-        let (sums, rays) = self.render_regions(request, integrator, progress)?;
-        let mut frame = film::assemble(request, &sums);
+        let film = Film::new(request);
+        let rays = self.render_regions(request, integrator, &film, progress)?;
+        let mut frame = film.finish();
         frame.stats = FrameStats { milliseconds: start.elapsed().as_secs_f64() * 1e3, rays };
         Ok(frame)
     }
@@ -188,6 +203,19 @@ fn check(request: &FrameRequest) -> Result<Integrator, BackendError> {
     }
     if request.max_depth == Some(0) {
         return refuse("a path depth of 0 shows nothing; 1 shows emission alone".into());
+    }
+    if let Filter::Gaussian(sigma) = request.filter
+        && !(0.0..=16.0).contains(&sigma)
+    {
+        return refuse(format!(
+            "the filter's standard deviation is {sigma} pixels; give a value from 0 to 16"
+        ));
+    }
+    if !(request.ambient.is_finite() && request.ambient.min_element() >= 0.0) {
+        return refuse(format!(
+            "the ambient radiance is {}; give finite values of at least 0",
+            request.ambient
+        ));
     }
     if let Some(problem) = request.camera.problem() {
         return refuse(format!("the camera: {problem}"));

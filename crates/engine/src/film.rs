@@ -1,31 +1,50 @@
-//! From sums over samples to the planes of a frame.
+//! The film: regions' sums become pixels of a frame as soon as they are finished.
+
+use std::sync::Mutex;
 
 use glam::Vec3;
 use heliostat_scene::{Frame, FrameRequest, FrameStats, Plane, PlaneData};
 use heliostat_transport::{PixelSum, Region};
 
-/// Puts the regions' sums together; they come in the order of [`Region::cover`].
-pub(crate) fn assemble(request: &FrameRequest, regions: &[Vec<PixelSum>]) -> Frame {
-    let (width, height) = (request.width, request.height);
-    let pixels = width as usize * height as usize;
-    let mut color = vec![Vec3::ZERO; pixels];
-    let mut planes: Vec<PlaneData> = request
-        .planes
-        .iter()
-        .map(|&plane| PlaneData { plane, values: vec![0.0; pixels * plane.channels()] })
-        .collect();
-    let per_sample = 1.0 / request.samples as f32;
-    for (region, sums) in Region::cover(width, height).zip(regions) {
+/// A frame in the making, filled by many threads in any order.
+pub(crate) struct Film {
+    frame: Mutex<Frame>,
+    per_sample: f32,
+}
+
+impl Film {
+    /// A black frame of the requested size and planes.
+    pub(crate) fn new(request: &FrameRequest) -> Self {
+        let (width, height) = (request.width, request.height);
+        let pixels = width as usize * height as usize;
+        let plane = |&plane: &Plane| PlaneData { plane, values: vec![0.0; pixels * plane.channels()] };
+        let planes = request.planes.iter().map(plane).collect();
+        let (color, stats) = (vec![Vec3::ZERO; pixels], FrameStats::default());
+        Self {
+            frame: Mutex::new(Frame { width, height, color, planes, stats }),
+            per_sample: 1.0 / request.samples as f32,
+        }
+    }
+
+    /// Stores a finished region; `sums` are in the order of [`Region::pixels`].
+    pub(crate) fn store(&self, region: &Region, sums: &[PixelSum]) {
+        // A thread that panicked while it held the lock left whole pixels behind: go on with them.
+        let mut frame = self.frame.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let width = frame.width as usize;
         for ((x, y), sum) in region.pixels().zip(sums) {
-            let index = y as usize * width as usize + x as usize;
-            color[index] = sum.color * per_sample;
-            for data in &mut planes {
+            let index = y as usize * width + x as usize;
+            frame.color[index] = (sum.color + sum.lit) * self.per_sample;
+            for data in &mut frame.planes {
                 let channels = data.plane.channels();
-                write(data.plane, sum, per_sample, &mut data.values[index * channels..][..channels]);
+                write(data.plane, sum, self.per_sample, &mut data.values[index * channels..][..channels]);
             }
         }
     }
-    Frame { width, height, color, planes, stats: FrameStats::default() }
+
+    /// The frame with what has been stored.
+    pub(crate) fn finish(self) -> Frame {
+        self.frame.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
 }
 
 /// One pixel of one plane. Geometry is averaged over the samples that hit something, light over all.

@@ -113,6 +113,8 @@ fn an_edit_rebuilds_what_it_touches() {
     );
     let green = Arc::new(Material::diffuse("green", Vec3::Y));
     assert_eq!(apply(Edit::Material(scene.red, green)), [], "a material touches no geometry");
+    let view = Camera::look_at("", Vec3::ZERO, Vec3::X, Vec3::Y, 1.0);
+    assert_eq!(apply(Edit::Camera(heliostat_scene::CameraId(0), view)), [], "a camera touches nothing");
     let same_shape = engine.scene().objects()[&scene.inner].clone();
     let report = engine.apply(&[Edit::Object(scene.inner, same_shape)], &Progress::new()).expect("valid");
     assert_eq!(report.rebuilt, [], "an object of the same geometries keeps its tree");
@@ -203,6 +205,12 @@ fn impossible_requests_are_refused_with_the_reason() {
     assert!(refused(|r| (r.width, r.height) = (u32::MAX, u32::MAX)).contains("the limit is"));
     assert!(refused(|r| r.samples = 0).contains("at least 1"));
     assert!(refused(|r| r.max_depth = Some(0)).contains("depth"));
+    assert!(refused(|r| r.filter = Filter::Gaussian(f32::INFINITY)).contains("standard deviation"));
+    assert!(refused(|r| r.ambient = Vec3::splat(f32::NAN)).contains("ambient"));
+    let infinite = Lens { radius: 0.1, focus_distance: f32::INFINITY };
+    let mut with_lens = request("path");
+    with_lens.camera.lens = Some(infinite);
+    assert!(with_lens.camera.problem().is_some_and(|problem| problem.contains("focus distance")));
     assert!(refused(|r| r.camera.world_from_camera = Affine3A::ZERO).contains("invertible"));
 }
 

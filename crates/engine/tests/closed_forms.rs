@@ -228,3 +228,70 @@ fn white_objects_vanish_in_a_white_furnace() {
         assert_close(mean(&render(scene, &request)), Vec3::ONE, 0.005, &name);
     }
 }
+
+#[test]
+fn holes_of_an_emitter_emit_nothing() {
+    // A lamp of coverage ¼ gives a quarter of the light, however it is found.
+    let radiance_on_floor = |coverage: f32, renderer: &str| {
+        let mut scene = SceneBuilder::new();
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 0.5), Material::diffuse("", Vec3::splat(0.8)));
+        let mut lamp = Material::emitter("lamp", Vec3::splat(5.0));
+        lamp.base_color.w = coverage;
+        lamp.alpha_mode = AlphaMode::Blend;
+        add(&mut scene, square(Vec3::Y, Vec3::NEG_Y, 0.5), lamp);
+        let mut request = FrameRequest::new(look_down(0.5, 1.0), 16, 16);
+        request.renderer = renderer.into();
+        request.samples = 256;
+        mean(&render(scene, &request))
+    };
+    for renderer in ["path", "direct"] {
+        let whole = radiance_on_floor(1.0, renderer);
+        assert_close(radiance_on_floor(0.25, renderer), whole * 0.25, 0.01, renderer);
+    }
+}
+
+#[test]
+fn holes_cost_no_depth_and_are_no_first_hit() {
+    for renderer in ["path", "direct"] {
+        let mut scene = SceneBuilder::new();
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 1.0), Material::diffuse("floor", Vec3::splat(0.9)));
+        for layer in 1..20 {
+            let mut hole = Material::diffuse("hole", Vec3::ONE);
+            hole.base_color.w = 0.2;
+            hole.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+            add(&mut scene, square(Vec3::Y * 0.1 * layer as f32, Vec3::Y, 1.0), hole);
+        }
+        let sun = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(PI) };
+        scene.light(Light { name: String::new(), kind: sun });
+        let mut request = FrameRequest::new(look_down(3.0, 0.5), 4, 4);
+        request.renderer = renderer.into();
+        request.samples = 2;
+        request.max_depth = Some(2);
+        request.planes = vec![heliostat_scene::Plane::Depth, heliostat_scene::Plane::ObjectId];
+        let frame = render(scene, &request);
+        assert_close(mean(&frame), Vec3::splat(0.9), 1e-3, renderer);
+        assert!((frame.planes[0].values[5] - 3.0).abs() < 1e-4, "{renderer}: {}", frame.planes[0].values[5]);
+        assert_eq!(frame.planes[1].values[5], 1.0, "{renderer}: the floor is object 0, plus one");
+    }
+}
+
+#[test]
+fn offsets_that_cancel_leave_no_acne() {
+    // A lit floor inside an instance a kilometre away, inside one that brings it back: rounding must not shade it.
+    for renderer in ["path", "direct"] {
+        let mut scene = SceneBuilder::new();
+        let floor = scene.material(Material::diffuse("floor", Vec3::splat(0.9)));
+        let mesh = scene.mesh(square(Vec3::ZERO, Vec3::Y, 1.0));
+        let object = scene.object("floor", [(mesh, floor)]);
+        let group = scene.object("far away", []);
+        scene.child(group, object, Affine3A::from_translation(Vec3::new(-1000.3, -700.1, 300.7)));
+        let tilt = Affine3A::from_rotation_x(0.7) * Affine3A::from_rotation_z(0.4);
+        scene.instance(group, tilt * Affine3A::from_translation(Vec3::new(1000.3, 700.1, -300.7)));
+        scene.environment(Environment::Constant(Vec3::ONE));
+        let camera = Camera::look_at("", tilt.transform_point3(Vec3::Y), Vec3::ZERO, Vec3::Z, 0.6);
+        let mut request = FrameRequest::new(camera, 32, 32);
+        request.renderer = renderer.into();
+        request.samples = 64;
+        assert_close(mean(&render(scene, &request)), Vec3::splat(0.9), 0.005, renderer);
+    }
+}

@@ -28,9 +28,10 @@ struct Next {
     camera: u32,
 }
 
+/// The next number. Counting saturates: a scene whose last handle is 2^32 − 1 has that one replaced.
 fn take(counter: &mut u32) -> u32 {
     let number = *counter;
-    *counter += 1;
+    *counter = counter.saturating_add(1);
     number
 }
 
@@ -43,13 +44,13 @@ impl SceneBuilder {
     /// Handles start after those that `scene` uses.
     pub fn continuing(scene: &Scene) -> Self {
         let next = Next {
-            geometry: scene.geometries().keys().next_back().map_or(0, |id| id.0 + 1),
-            texture: scene.textures().keys().next_back().map_or(0, |id| id.0 + 1),
-            material: scene.materials().keys().next_back().map_or(0, |id| id.0 + 1),
-            object: scene.objects().keys().next_back().map_or(0, |id| id.0 + 1),
-            instance: scene.instances().keys().next_back().map_or(0, |id| id.0 + 1),
-            light: scene.lights().keys().next_back().map_or(0, |id| id.0 + 1),
-            camera: scene.cameras().keys().next_back().map_or(0, |id| id.0 + 1),
+            geometry: scene.geometries().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            texture: scene.textures().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            material: scene.materials().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            object: scene.objects().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            instance: scene.instances().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            light: scene.lights().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
+            camera: scene.cameras().keys().next_back().map_or(0, |id| id.0.saturating_add(1)),
         };
         Self { edits: Vec::new(), next }
     }

@@ -76,8 +76,15 @@ impl Camera {
             _ => {}
         }
         let lens = self.lens?;
-        (!(lens.radius >= 0.0 && lens.radius.is_finite() && lens.focus_distance > 0.0)).then(|| {
-            format!("lens radius {} and focus distance {} must be positive", lens.radius, lens.focus_distance)
+        (!(lens.radius >= 0.0
+            && lens.radius.is_finite()
+            && lens.focus_distance > 0.0
+            && lens.focus_distance.is_finite()))
+        .then(|| {
+            format!(
+                "lens radius {} and focus distance {} must be positive and finite",
+                lens.radius, lens.focus_distance
+            )
         })
     }
 }

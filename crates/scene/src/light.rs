@@ -106,13 +106,21 @@ pub struct EnvironmentMap {
     pub world_from_environment: Mat3,
 }
 
+impl EnvironmentMap {
+    fn rotation_problem(&self) -> Option<String> {
+        let rotation = self.world_from_environment;
+        let orthonormal = (rotation.transpose() * rotation).abs_diff_eq(Mat3::IDENTITY, 1e-3);
+        (!orthonormal).then(|| "`world_from_environment` is no rotation; give orthonormal columns".into())
+    }
+}
+
 impl Environment {
     /// What is out of range, if anything.
     pub(crate) fn inconsistency(&self) -> Option<String> {
         let (scale, problem) = match self {
             Self::None => return None,
             Self::Constant(radiance) => (*radiance, None),
-            Self::Map(map) => (map.scale, map.image.inconsistency()),
+            Self::Map(map) => (map.scale, map.image.inconsistency().or_else(|| map.rotation_problem())),
         };
         if problem.is_some() {
             return problem;

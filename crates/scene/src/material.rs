@@ -181,8 +181,20 @@ impl Material {
         if !(self.ior == 0.0 || (1.0..=1e6).contains(&self.ior)) {
             return Some(format!("`ior` is {}; give a value of at least 1, or 0", self.ior));
         }
-        if !self.normal_scale.is_finite() {
-            return Some(format!("`normal_scale` is {}; give a finite value", self.normal_scale));
+        let cutoff = if let AlphaMode::Mask { cutoff } = self.alpha_mode { cutoff } else { 0.0 };
+        let coat_scale = self.clearcoat.as_ref().map_or(0.0, |c| c.normal_scale);
+        let finite = [
+            ("normal_scale", self.normal_scale),
+            ("alpha_mode.cutoff", cutoff),
+            ("clearcoat.normal_scale", coat_scale),
+        ];
+        if let Some((name, value)) = finite.into_iter().find(|(_, value)| !value.is_finite()) {
+            return Some(format!("`{name}` is {value}; give a finite value"));
+        }
+        if let Some((name, _)) = self.textures().find(|(_, t)| !t.transform.0.is_finite()) {
+            return Some(format!(
+                "`{name}` has a coordinate transform that is not finite; give finite numbers"
+            ));
         }
         let volume = self.volume.as_ref()?;
         let color = volume.attenuation_color;

@@ -102,14 +102,16 @@ impl Scene {
         &self.environment
     }
 
-    /// Whether anything emits light.
+    /// Whether the scene brings light to be seen by. Textured emission does not count: it is glowing labels and displays
+    /// on models that are meant to stand in other light.
     pub fn has_light(&self) -> bool {
-        let emissive =
-            |object: &Object| object.parts.iter().any(|part| self.materials[&part.material].is_emissive());
-        let unlit = |object: &Object| object.parts.iter().any(|part| self.materials[&part.material].unlit);
+        let shines = |material: &Material| {
+            material.unlit || (material.is_emissive() && material.emissive_texture.is_none())
+        };
+        let mut parts = self.objects.values().flat_map(|object| &object.parts);
         !self.lights.is_empty()
             || self.environment != Environment::None
-            || self.objects.values().any(|object| emissive(object) || unlit(object))
+            || parts.any(|part| shines(&self.materials[&part.material]))
     }
 
     /// Applies all edits or none.

@@ -185,7 +185,7 @@ impl AreaEmitter {
         let (primitive, probability, _) = self.triangles.sample(u_triangle)?;
         let uv = uniform_triangle(u);
         let corners = Corners::new(&part.mesh, primitive as u32, uv);
-        let (point, error) = corners.point(&placement.world_from_object);
+        let (point, error) = corners.point(placement);
         let [a, b, c] = corners.world(&placement.world_from_object);
         let cross = (b - a).cross(c - a);
         // A mirroring transform turns the winding but not the front.
@@ -196,7 +196,7 @@ impl AreaEmitter {
         let distance2 = to_light.length_squared();
         let wi = to_light.try_normalize()?;
         let cos = -normal.dot(wi);
-        let radiance = material.emission(&corners.coordinates(material, 2.0 * area, 0.0), cos > 0.0);
+        let radiance = material.visible_emission(&corners.coordinates(material, 2.0 * area, 0.0), cos > 0.0);
         let pdf = probability * distance2 / (area * cos.abs());
         let usable = radiance != Vec3::ZERO && pdf > 0.0 && pdf.is_finite();
         // The shadow ray stops just before the light.
@@ -213,7 +213,7 @@ fn triangle_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
         let [a, b, c] = corners.positions();
         let area = 0.5 * (b - a).cross(c - a).length();
         let at = corners.coordinates(material, (2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
-        area * (luminance(material.emission(&at, true)) + floor)
+        area * (luminance(material.visible_emission(&at, true)) + floor)
     }))
 }
 

@@ -148,11 +148,11 @@ impl SurfaceMaterial {
     /// Whether light can pass straight through: such surfaces do not simply occlude.
     pub fn is_see_through(&self) -> bool {
         let m = &self.source;
+        // A texture may make any place smooth.
+        let may_be_smooth =
+            m.roughness * m.roughness <= SMOOTH_ALPHA || m.metallic_roughness_texture.is_some();
         m.alpha_mode != AlphaMode::Opaque
-            || (m.transmission > 0.0
-                && m.volume.is_none()
-                && m.roughness * m.roughness <= SMOOTH_ALPHA
-                && !m.unlit)
+            || (m.transmission > 0.0 && m.volume.is_none() && may_be_smooth && !m.unlit)
     }
 
     /// Radiance emitted where `at`, towards the front (`front`) or the back.
@@ -161,6 +161,14 @@ impl SurfaceMaterial {
             return Vec3::ZERO;
         }
         self.source.emissive * lookup(&self.emissive, at).truncate()
+    }
+
+    /// Emission of the share of the surface that is there; nothing comes from its holes.
+    pub(crate) fn visible_emission(&self, at: &TextureCoordinates, front: bool) -> Vec3 {
+        match self.source.alpha_mode {
+            AlphaMode::Opaque => self.emission(at, front),
+            _ => self.emission(at, front) * self.coverage(self.base_color(at).w),
+        }
     }
 
     /// Mean of the emission over the texture.

@@ -28,6 +28,9 @@ pub struct Placement {
     pub world_from_object: Affine3A,
     /// Inverse transpose of the linear part: takes normals to world space, front sides to front sides.
     pub world_from_object_normal: Mat3A,
+    /// Sum of the translations of the nested instances on the way, in world units. Rays are carried through them one by
+    /// one, so their size adds to rounding errors even where they cancel out.
+    pub detour: f32,
     /// The object.
     pub object: ObjectId,
     /// Innermost instance.
@@ -40,12 +43,13 @@ impl Placement {
     /// A placement with its derived transforms.
     pub fn new(
         world_from_object: Affine3A,
+        detour: f32,
         object: ObjectId,
         instance: InstanceId,
         parts: Arc<[ShadedPart]>,
     ) -> Self {
         let world_from_object_normal = world_from_object.matrix3.inverse().transpose();
-        Self { world_from_object, world_from_object_normal, object, instance, parts }
+        Self { world_from_object, world_from_object_normal, detour, object, instance, parts }
     }
 }
 
@@ -134,7 +138,8 @@ impl<'a> Corners<'a> {
     }
 
     /// World-space point and a bound on its rounding error.
-    pub(crate) fn point(&self, world_from_object: &Affine3A) -> (Vec3, f32) {
+    pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
+        let world_from_object = &placement.world_from_object;
         let [a, b, c] = self.positions();
         let [wa, wb, wc] = self.weights;
         let p = a * wa + b * wb + c * wc;
@@ -144,7 +149,8 @@ impl<'a> Corners<'a> {
         let m = world_from_object.matrix3;
         let abs = Mat3A::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
         let magnitude = abs * Vec3A::from(largest) + world_from_object.translation.abs();
-        (world_from_object.transform_point3(p), 16.0 * 0.5 * f32::EPSILON * magnitude.max_element())
+        let magnitude = magnitude.max_element() + placement.detour;
+        (world_from_object.transform_point3(p), 16.0 * 0.5 * f32::EPSILON * magnitude)
     }
 
     /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
@@ -171,25 +177,26 @@ impl<'a> Corners<'a> {
         at
     }
 
-    /// Shading normal in world space, on the front side of `ng`.
-    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> Vec3 {
-        let Some(n) = self.interpolate(&self.mesh.normals) else { return ng };
+    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
+    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
+        let Some(n) = self.interpolate(&self.mesh.normals) else { return (ng, false) };
         let n = Vec3::from(placement.world_from_object_normal * Vec3A::from(n));
         let n = n.try_normalize().unwrap_or(ng);
         // Some files' normals disagree with their winding; the winding decides which side is the front.
-        if n.dot(ng) < 0.0 { -n } else { n }
+        if n.dot(ng) < 0.0 { (-n, true) } else { (n, false) }
     }
 
     /// The basis of tangent space at unit normal `n`: x along +u and y along −v of the texture, as normal maps
-    /// expect. `None` where the texture coordinates are degenerate.
-    fn tangent_basis(&self, placement: &Placement, n: Vec3, slot: &Slot) -> Option<Basis> {
+    /// expect. `None` where the texture coordinates are degenerate. `turned` normals point against those of the file, to
+    /// which its tangents refer.
+    fn tangent_basis(&self, placement: &Placement, (n, turned): (Vec3, bool), slot: &Slot) -> Option<Basis> {
         let matrix = &placement.world_from_object;
         let set = usize::from(slot.reference.uv_set.min(1));
         if let (0, Some(tangent)) = (set, self.interpolate(&self.mesh.tangents)) {
             let t = matrix.transform_vector3(tangent.truncate());
             let x = t.reject_from_normalized(n).try_normalize()?;
             let mirrored = matrix.matrix3.determinant() < 0.0;
-            let sign = if (tangent.w < 0.0) != mirrored { -1.0 } else { 1.0 };
+            let sign = if (tangent.w < 0.0) != (mirrored != turned) { -1.0 } else { 1.0 };
             return Some(Basis { x, y: n.cross(x) * sign, z: n });
         }
         let uvs = &self.mesh.uvs[set];
@@ -210,15 +217,15 @@ impl<'a> Corners<'a> {
     fn mapped_normal(
         &self,
         placement: &Placement,
-        n: Vec3,
+        smooth: (Vec3, bool),
         slot: &Slot,
         scale: f32,
         at: &TextureCoordinates,
     ) -> Vec3 {
-        let Some(basis) = self.tangent_basis(placement, n, slot) else { return n };
+        let Some(basis) = self.tangent_basis(placement, smooth, slot) else { return smooth.0 };
         let t = slot.lookup(at).truncate() * 2.0 - 1.0;
         let t = Vec3::new(t.x * scale, t.y * scale, t.z);
-        basis.to_world(t).try_normalize().unwrap_or(n)
+        basis.to_world(t).try_normalize().unwrap_or(smooth.0)
     }
 }
 
@@ -237,7 +244,7 @@ pub(crate) fn surface(
     query: &SurfaceQuery,
 ) -> Surface {
     let corners = Corners::new(&part.mesh, query.primitive, query.uv);
-    let (position, error) = corners.point(&placement.world_from_object);
+    let (position, error) = corners.point(placement);
     let [a, b, c] = corners.world(&placement.world_from_object);
     let world_area = (b - a).cross(c - a).length();
     let cos = query.ng.dot(query.wo);
@@ -251,7 +258,7 @@ pub(crate) fn surface(
     let smooth = corners.shading_normal(placement, query.ng);
     let mapped = |slot: &Option<Slot>, scale: f32| match slot {
         Some(slot) => corners.mapped_normal(placement, smooth, slot, scale, &at),
-        None => smooth,
+        None => smooth.0,
     };
     let basis =
         Basis::from_normal(towards_viewer(side * mapped(&material.normal, source.normal_scale), query.wo));
@@ -268,6 +275,7 @@ pub(crate) fn surface(
     if source.unlit {
         emission = material.base_color(&at).truncate();
         appearance.bsdf = appearance.bsdf.black();
+        appearance.through = Vec3::splat(1.0 - appearance.coverage);
         appearance.albedo = emission;
     }
     Surface {

@@ -14,7 +14,7 @@ use heliostat_shading::{Cone, Lobes, Sampler, Surface};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
-use crate::shadow::{PendingLight, ShadowBatch};
+use crate::shadow::{MAX_PASSED, PendingLight, ShadowBatch};
 
 /// Edges when the request does not say.
 const DEFAULT_MAX_EDGES: u32 = 12;
@@ -22,8 +22,10 @@ const DEFAULT_MAX_EDGES: u32 = 12;
 const LEAST_WEIGHT: f32 = 1.0 / 512.0;
 /// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
 const MIRROR_ALPHA: f32 = 0.25;
-/// Rays of one region in flight; beyond it the least deep tree is cut, so that memory stays bounded.
-const MAX_RAYS: usize = 1 << 16;
+/// Rays of one pixel in flight; further ones are dropped, so that memory stays bounded.
+const MAX_RAYS_PER_PIXEL: u16 = 256;
+/// Shadow rays traced together.
+const SHADOW_BATCH: usize = 4096;
 
 /// A ray with its place in the tree.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +39,10 @@ struct WeightedRay {
     /// Density with which a lobe chose the direction; 0 if no light sample could have.
     scatter_pdf: f32,
     passed_distance: f32,
+    /// Surfaces passed straight through.
+    passed: u32,
+    /// Whether a surface was seen: the auxiliary planes show the first.
+    seen: bool,
     /// Which branch of the tree this is: decorrelates the random numbers of siblings.
     branch: u32,
 }
@@ -49,12 +55,11 @@ impl WeightedRay {
 
     /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
     fn points(&self, slot: u32) -> [f32; 4] {
-        let trunk = self.branch == 1;
-        self.sampler.set(if trunk {
-            1 + slot
-        } else {
-            0x1_0000 + (self.branch << 12) + (self.edges << 6) + slot
-        })
+        match self.branch {
+            1 => self.sampler.set(1 + slot),
+            // Far from the sets of the trunk; where deep branches wrap round they merely share points.
+            branch => self.sampler.set((branch << 12).wrapping_add(slot) | 1 << 31),
+        }
     }
 }
 
@@ -64,11 +69,19 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
     settings: &Settings,
     region: &Region,
     sums: &mut [PixelSum],
+    after_sample: &dyn Fn() -> bool,
 ) -> u64 {
     let max_edges = settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
     let ambient = settings.ambient;
-    let mut tracer = Tracer { view, max_edges, ambient, shadows: ShadowBatch::default(), next: Vec::new() };
-    walk(&mut tracer, view, settings, region, sums) + tracer.shadows.traced()
+    let mut tracer = Tracer {
+        view,
+        max_edges,
+        ambient,
+        shadows: ShadowBatch::default(),
+        next: Vec::new(),
+        in_flight: vec![0; sums.len()],
+    };
+    walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.shadows.traced()
 }
 
 struct Tracer<'a, Q: ?Sized> {
@@ -77,6 +90,8 @@ struct Tracer<'a, Q: ?Sized> {
     ambient: Vec3,
     shadows: ShadowBatch,
     next: Vec<WeightedRay>,
+    /// Rays in `next`, by pixel.
+    in_flight: Vec<u16>,
 }
 
 impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
@@ -92,6 +107,8 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
             edges: 0,
             scatter_pdf: 0.0,
             passed_distance: 0.0,
+            passed: 0,
+            seen: false,
             branch: 1,
         }
     }
@@ -108,36 +125,52 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
         first_sample: bool,
     ) -> Vec<WeightedRay> {
         let scene = self.view.scene;
+        self.in_flight.fill(0);
         for (ray, hit) in rays.iter().zip(hits) {
             let sum = &mut sums[ray.pixel as usize];
             if hit.is_hit() {
                 self.at_surface(ray, hit, sum, first_sample);
+                if self.shadows.len() >= SHADOW_BATCH {
+                    self.trace_shadows(sums);
+                }
             } else {
                 sum.add_radiance(ray.weight * environment(scene, Visits::All, &ray.scattered(hit)));
             }
         }
-        self.shadows.trace(self.view.query, scene, |light| {
-            sums[light.pixel as usize].add_radiance(light.radiance);
-        });
+        self.trace_shadows(sums);
         std::mem::take(&mut self.next)
     }
 }
 
 impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
+    fn trace_shadows(&mut self, sums: &mut [PixelSum]) {
+        self.shadows.trace(self.view.query, self.view.scene, |light| {
+            sums[light.pixel as usize].add_lit(light.radiance);
+        });
+    }
+
     fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum, first_sample: bool) {
         let scene = self.view.scene;
         let cone = ray.cone.advanced(hit.t);
         let surface = scene.surface(hit, ray.ray.direction, cone);
         let mut ray = WeightedRay { cone, weight: ray.weight * (-surface.absorption * hit.t).exp(), ..*ray };
         if surface.through != Vec3::ZERO {
-            let onward = Ray { origin: surface.spawn(ray.ray.direction), ..ray.ray };
-            let passed_distance = ray.passed_distance + hit.t;
-            let weight = ray.weight * surface.through;
-            self.send(WeightedRay { ray: onward, weight, passed_distance, edges: ray.edges + 1, ..ray });
+            self.send(WeightedRay {
+                ray: Ray { origin: surface.spawn(ray.ray.direction), ..ray.ray },
+                weight: ray.weight * surface.through,
+                passed_distance: ray.passed_distance + hit.t,
+                passed: ray.passed + 1,
+                seen: ray.seen || surface.coverage > 0.0,
+                ..ray
+            });
+            if surface.coverage == 0.0 {
+                return;
+            }
             ray.weight *= surface.coverage;
         }
-        if ray.edges == 0 {
-            sum.add_first_hit(scene, hit, &surface, hit.t, first_sample);
+        if !ray.seen {
+            sum.add_first_hit(scene, hit, &surface, ray.passed_distance + hit.t, first_sample);
+            ray.seen = true;
         }
         let emission = surface.emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
         sum.add_radiance(ray.weight * (emission + self.ambient * surface.albedo));
@@ -194,16 +227,19 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
                 weight: ray.weight * sample.weight,
                 scatter_pdf: sample.pdf,
                 passed_distance: 0.0,
+                passed: 0,
                 branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
                 ..*ray
             });
         }
     }
 
-    /// Sends a ray on unless it is too deep or too light to matter.
+    /// Sends a ray on unless it is too light to matter or its pixel has too many.
     fn send(&mut self, ray: WeightedRay) {
         let matters = ray.weight.is_finite() && ray.weight.max_element() >= LEAST_WEIGHT;
-        if matters && ray.edges < self.max_edges && self.next.len() < MAX_RAYS {
+        let in_flight = &mut self.in_flight[ray.pixel as usize];
+        if matters && ray.passed <= MAX_PASSED && *in_flight < MAX_RAYS_PER_PIXEL {
+            *in_flight += 1;
             self.next.push(ray);
         }
     }

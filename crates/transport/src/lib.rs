@@ -35,17 +35,19 @@ impl Integrator {
     }
 
     /// Renders all samples of a region's pixels. `sums` has one entry per pixel in the order of
-    /// [`Region::pixels`]; the number of rays traced is returned.
+    /// [`Region::pixels`]; the number of rays traced is returned. After each sample `after_sample` tells whether to go
+    /// on: it is the place to count progress and to cancel.
     pub fn render<Q: RayQuery + ?Sized>(
         self,
         view: &View<'_, Q>,
         settings: &Settings,
         region: &Region,
         sums: &mut [PixelSum],
+        after_sample: &dyn Fn() -> bool,
     ) -> u64 {
         match self {
-            Self::Path => path::render(view, settings, region, sums),
-            Self::Direct => direct::render(view, settings, region, sums),
+            Self::Path => path::render(view, settings, region, sums, after_sample),
+            Self::Direct => direct::render(view, settings, region, sums, after_sample),
         }
     }
 }

@@ -10,12 +10,10 @@ use heliostat_shading::{Cone, Lobes, Sampler, Surface};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
-use crate::shadow::{PendingLight, ShadowBatch};
+use crate::shadow::{MAX_PASSED, PendingLight, ShadowBatch};
 
 /// Edges after which paths may be ended by Russian roulette.
 const ROULETTE_FROM: u32 = 4;
-/// Surfaces that a path may pass straight through in all; scenes with more nested sheets lose what is behind.
-const MAX_PASSED: u32 = 256;
 
 /// A path on its way: the ray that extends it and what its end is worth.
 #[derive(Clone, Copy, Debug)]
@@ -43,10 +41,11 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
     settings: &Settings,
     region: &Region,
     sums: &mut [PixelSum],
+    after_sample: &dyn Fn() -> bool,
 ) -> u64 {
     let max_edges = settings.max_depth.unwrap_or(u32::MAX);
     let mut tracer = Tracer { view, max_edges, shadows: ShadowBatch::default() };
-    walk(&mut tracer, view, settings, region, sums) + tracer.shadows.traced()
+    walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.shadows.traced()
 }
 
 struct Tracer<'a, Q: ?Sized> {
@@ -95,7 +94,7 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
             }
         }
         self.shadows.trace(self.view.query, scene, |light| {
-            sums[light.pixel as usize].add_radiance(light.radiance);
+            sums[light.pixel as usize].add_lit(light.radiance);
         });
         next
     }
@@ -173,7 +172,7 @@ fn pass_through(mut path: Path, surface: &Surface, hit: &Hit, chance: f32) -> Op
     path.throughput *= surface.through / chance;
     path.passed_distance += hit.t;
     path.ray.origin = surface.spawn(path.ray.direction);
-    (path.passed < MAX_PASSED).then_some(path)
+    (path.passed <= MAX_PASSED).then_some(path)
 }
 
 /// Chooses the next direction; Russian roulette ends paths of little worth.

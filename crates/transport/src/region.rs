@@ -76,8 +76,10 @@ impl Region {
 /// What the samples of one pixel add up to.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PixelSum {
-    /// Radiance.
+    /// Radiance found by camera rays and bounces.
     pub color: Vec3,
+    /// Radiance found by shadow rays. A sum of its own, so that a pixel's bits do not depend on when batches are traced.
+    pub lit: Vec3,
     /// Distance along the ray.
     pub depth: f32,
     /// Shading normals.
@@ -122,6 +124,13 @@ impl PixelSum {
             let (placement, _, material) = scene.part(hit);
             let Placement { object, instance, .. } = placement;
             self.first = Some(FirstHit { object: object.0, instance: instance.0, material: material.id.0 });
+        }
+    }
+
+    /// Adds what a shadow ray let through; as for [`Self::add_radiance`].
+    pub(crate) fn add_lit(&mut self, radiance: Vec3) {
+        if radiance.is_finite() {
+            self.lit += radiance;
         }
     }
 
@@ -201,13 +210,15 @@ pub(crate) trait Walk {
     ) -> Vec<Self::Ray>;
 }
 
-/// Walks all samples of a region's pixels and returns the number of rays that were followed.
+/// Walks all samples of a region's pixels and returns the number of rays that were followed. `after_sample` is asked
+/// after each whether to go on.
 pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
     walk: &mut W,
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
     sums: &mut [PixelSum],
+    after_sample: &dyn Fn() -> bool,
 ) -> u64 {
     let mut traced = 0;
     for sample in 0..settings.samples {
@@ -220,6 +231,9 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
             hits.clear();
             hits.resize(rays.len(), Hit::MISS);
             view.query.intersect(&rays, &mut hits);
+        }
+        if !after_sample() {
+            break;
         }
     }
     traced

@@ -4,8 +4,8 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::ShadingScene;
 
-/// A surface that lets light pass may be met this often on one shadow ray; after that it counts as blocked.
-const MAX_SEE_THROUGH: u32 = 64;
+/// Surfaces that a ray of any kind may pass straight through one after the other; what is behind more of them is lost.
+pub(crate) const MAX_PASSED: u32 = 256;
 
 /// Light that arrives unless something stands in the way.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,11 @@ impl ShadowBatch {
     pub(crate) fn push(&mut self, origin: Vec3, direction: Vec3, distance: f32, light: PendingLight) {
         self.rays.push(Ray { origin, t_min: 0.0, direction, t_max: distance });
         self.lights.push(light);
+    }
+
+    /// Rays waiting to be traced.
+    pub(crate) fn len(&self) -> usize {
+        self.rays.len()
     }
 
     /// Rays traced by all batches so far.
@@ -79,8 +84,7 @@ impl ShadowBatch {
                     continue;
                 }
                 let light = &mut self.lights[index];
-                let passage =
-                    if round < MAX_SEE_THROUGH { scene.see_through(hit, ray.direction) } else { None };
+                let passage = if round < MAX_PASSED { scene.see_through(hit, ray.direction) } else { None };
                 let Some((transmittance, origin)) = passage else {
                     light.radiance = Vec3::ZERO;
                     continue;
