@@ -41,7 +41,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(ev) = comparison.flip_exposure {
         console::message(&format!("note: for FLIP both pictures were tone mapped at {ev:+.2} EV"));
     }
-    console::result(&if arguments.json { json(&comparison) } else { table(&comparison) });
+    console::result(&if arguments.json { json(&comparison) } else { table(&comparison) })?;
     match arguments.max_relmse {
         Some(maximum) if comparison.relmse > maximum => {
             let relmse = comparison.relmse;

@@ -29,8 +29,17 @@ pub(super) fn watch_for_interrupt() {
 }
 
 /// Writes a result line to stdout. A closed pipe is the reader's choice, not an error.
-pub(super) fn result(text: &str) {
-    _ = writeln!(std::io::stdout().lock(), "{text}");
+///
+/// # Errors
+/// When the line is lost for any other reason, such as a full disk.
+pub(super) fn result(text: &str) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::new(format!("the result cannot be written to stdout: {error}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes a message line to stderr.

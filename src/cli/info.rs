@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         table(&scene, &source.diagnostics)
     };
-    console::result(&text);
+    console::result(&text)?;
     Ok(())
 }
 

@@ -49,14 +49,5 @@ pub(super) fn show(diagnostics: &[Diagnostic]) {
 /// # Errors
 /// When the file cannot be read or decoded.
 pub(super) fn picture(path: &Path) -> Result<Image, Failure> {
-    let name = path.display().to_string();
-    let limits = Limits::default();
-    let cannot_read = |error| Failure::new(format!("{name}: cannot be read: {error}"));
-    let size = std::fs::metadata(path).map_err(cannot_read)?.len();
-    if size > limits.file_bytes {
-        let limit = limits.file_bytes;
-        return Err(Failure::new(format!("{name}: {size} bytes, the limit is {limit}")));
-    }
-    let bytes = std::fs::read(path).map_err(cannot_read)?;
-    Ok(image::decode(&name, &bytes, &limits)?)
+    Ok(image::load(path, &Limits::default())?)
 }

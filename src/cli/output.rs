@@ -58,7 +58,9 @@ impl Target {
         if self.path.is_dir() {
             return Err(Failure::new(format!("`{}` is a folder", self.path.display())));
         }
-        Ok(())
+        let trial = temporary(&self.path);
+        let written = std::fs::File::create_new(&trial).and_then(|_| std::fs::remove_file(&trial));
+        written.map_err(|error| Failure::new(format!("`{}` cannot be written: {error}", self.path.display())))
     }
 
     /// `picture.png` → `picture.0007.png`.
@@ -158,10 +160,14 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
+/// Beside the file, and so short that it fits wherever the file's own name does.
+fn temporary(path: &Path) -> PathBuf {
+    folder(path).join(format!(".heliostat-{}.part", std::process::id()))
+}
+
 /// Writes under a temporary name in the same folder, then renames: whoever looks sees the old file or the new one.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let name = path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
-    let temporary = folder(path).join(format!(".{name}.{}.part", std::process::id()));
+    let temporary = temporary(path);
     let written = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
     written.map_err(|error| {
         // Whatever is left of it is of no use; that it may already be gone is fine.

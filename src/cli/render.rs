@@ -1,5 +1,6 @@
 //! `heliostat render`: from a scene to a picture file.
 
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::Path;
@@ -7,12 +8,11 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::{Mat3, Vec3};
-use heliostat::compare::Picture;
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::lighting;
 use heliostat::scene::{
-    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, Image,
-    MaterialOverride, Plane, Scene,
+    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, MaterialOverride,
+    Plane, Scene,
 };
 use serde_json::{Value, json};
 
@@ -21,6 +21,7 @@ use super::values::{self, Exposure, Size, Surroundings};
 use super::{camera, console, input, output};
 
 #[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     #[arg(default_value = "atrium")]
@@ -43,8 +44,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "A..B", value_parser = values::frames, default_value = "0")]
     frames: Range<u32>,
     /// Threads to work with [default: one per core]; the picture does not depend on it
-    #[arg(long, value_name = "N")]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Another seed gives other noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
@@ -155,7 +156,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         note("nothing moves yet: the frames differ in their noise alone");
     }
 
-    let options = EngineOptions { threads: arguments.threads };
+    let options = EngineOptions { threads: arguments.threads.and_then(|n| NonZeroUsize::new(n.into())) };
     let (mut engine, applied) = console::with_progress("building", move |progress| {
         let mut engine = Engine::new(options)?;
         let applied = engine.apply(&edits, progress)?;
@@ -208,7 +209,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             Materials::AsIs => MaterialOverride::None,
             Materials::Diffuse => MaterialOverride::Diffuse,
         },
-        planes: arguments.aov.iter().map(|aov| aov.0).collect(),
+        planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)
     }
 }
@@ -223,15 +224,9 @@ fn environment(surroundings: Option<&Surroundings>) -> Result<Option<Edit>, Fail
     })
 }
 
-/// 8-bit pictures are decoded from sRGB; float pictures are radiance as they are.
 fn environment_map(path: &Path) -> Result<Environment, Failure> {
-    let picture = Picture::from_image(&input::picture(path)?);
-    let pixels = picture.color.iter().flat_map(|c| [c.x, c.y, c.z, 1.0]).collect();
-    Ok(Environment::Map(EnvironmentMap {
-        image: Arc::new(Image::rgba_f32(picture.width, picture.height, pixels)),
-        scale: Vec3::ONE,
-        world_from_environment: Mat3::IDENTITY,
-    }))
+    let image = Arc::new(input::picture(path)?);
+    Ok(Environment::Map(EnvironmentMap { image, scale: Vec3::ONE, world_from_environment: Mat3::IDENTITY }))
 }
 
 /// Writes one finished frame and says what it took.
@@ -273,7 +268,7 @@ fn finish(
             "exposure": ev,
             "apply": apply_report(applied),
         });
-        console::result(&report.to_string());
+        console::result(&report.to_string())?;
     }
     Ok(())
 }

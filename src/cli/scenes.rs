@@ -19,12 +19,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .iter()
             .map(|(name, description)| json!({"name": name, "description": description}))
             .collect();
-        console::result(&serde_json::Value::from(list).to_string());
+        console::result(&serde_json::Value::from(list).to_string())?;
         return Ok(());
     }
     let widest = builtin::names().iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     for (name, description) in builtin::names() {
-        console::result(&format!("{name:widest$}  {description}"));
+        console::result(&format!("{name:widest$}  {description}"))?;
     }
     Ok(())
 }

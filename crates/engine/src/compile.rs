@@ -396,6 +396,13 @@ impl BuiltObject {
             })
             .collect();
         let count: u64 = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum();
+        let lost: usize = meshes.iter().map(|m| m.positions.iter().filter(|p| !p.is_finite()).count()).sum();
+        if lost > 0 {
+            let name = &object.name;
+            report.warnings.push(format!(
+                "{id} ({name:?}): {lost} vertices are not finite; the triangles that use them are not shown"
+            ));
+        }
         self.triangles = None;
         if count > 0 {
             let name = format!("{id} ({:?})", object.name);

@@ -223,3 +223,16 @@ fn singular_instances_are_left_out_with_a_warning() {
     assert!(report.warnings[0].contains("instance 1"), "{}", report.warnings[0]);
     engine.render(&request("path"), &Progress::new()).expect("the rest renders");
 }
+
+#[test]
+fn vertices_that_are_nowhere_are_reported() {
+    let mut scene = SceneBuilder::new();
+    let white = scene.material(Material::diffuse("white", Vec3::ONE));
+    let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NAN];
+    let mesh = scene.mesh(Mesh::new(corners, vec![[0, 1, 2], [0, 1, 3]]));
+    let object = scene.object("torn", [(mesh, white)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    let mut engine = Engine::new(EngineOptions::default()).expect("an engine");
+    let report = engine.apply(&scene.finish(), &Progress::new()).expect("the rest is shown");
+    assert!(report.warnings.iter().any(|w| w.contains("1 vertices are not finite")), "{:?}", report.warnings);
+}

@@ -60,7 +60,11 @@ impl LoadError {
     /// `value` of `what` exceeds `Limits::{field}`, which is `limit`.
     pub(crate) fn limit(place: Place, what: &str, value: u64, field: &str, limit: u64) -> Self {
         let problem = format!("{value} {what}, the limit is {limit}");
-        Self::limit_text(place, problem, format!("raise `Limits::{field}` if the file is to be trusted"))
+        Self::limit_text(
+            place,
+            problem,
+            format!("this is `Limits::{field}` of the importer; a program that trusts the file may raise it"),
+        )
     }
 
     pub(crate) fn limit_text(place: Place, problem: impl Into<String>, hint: impl Into<String>) -> Self {

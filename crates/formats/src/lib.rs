@@ -70,16 +70,7 @@ pub struct Loaded {
 /// [`LoadError`] when the file cannot be read, is broken, exceeds a limit or needs something unsupported.
 pub fn load(path: &Path, limits: &Limits) -> Result<Loaded, LoadError> {
     let name = path.display().to_string();
-    let file: Arc<str> = name.as_str().into();
-    let io_error = |source| LoadError::Io { place: Box::new(Place::whole(&file)), source };
-    let bytes = source::read_file(path, limits.file_bytes).map_err(|error| match error {
-        SourceError::TooLarge { limit } => {
-            let size = std::fs::metadata(path).map_or(limit, |m| m.len());
-            LoadError::limit(Place::whole(&file), "bytes", size, "file_bytes", limit)
-        }
-        SourceError::Io(source) => io_error(source),
-        SourceError::NotFound | SourceError::NoFiles => io_error(std::io::ErrorKind::NotFound.into()),
-    })?;
+    let bytes = source::read_named(path, limits)?;
     let directory = Directory(path.parent().unwrap_or(Path::new("")).to_path_buf());
     load_bytes(&name, &bytes, &directory, limits)
 }

@@ -3,17 +3,19 @@
 /// Limits on what a load may take. The defaults let scenes of tens of millions of triangles through.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes of one file, also after decompression. Default 4 GiB.
+    /// Bytes of one file, also after decompression. Default 2 GiB.
     pub file_bytes: u64,
-    /// Bytes of all files read and of all data decoded from them, summed over the load. Default 16 GiB. Growing
+    /// Bytes of all files read and of all data decoded from them, summed over the load. Default 4 GiB. Growing
     /// arrays may momentarily hold twice what is counted.
     pub memory_bytes: u64,
-    /// Vertices of all meshes. Default 500 million.
+    /// Vertices of all meshes. Default 100 million.
     pub vertices: u64,
-    /// Triangles of all meshes, each mesh once however often it is instanced. Default 500 million.
+    /// Triangles of all meshes, each mesh once however often it is instanced. Default 200 million.
     pub triangles: u64,
-    /// Pixels of one image. Default 2²⁸ (16,384 × 16,384).
+    /// Pixels of one image. Default 2²⁷ (16,384 × 8,192).
     pub image_pixels: u64,
+    /// Elements of one glTF accessor that no file holds: without a buffer view it is all zeros. Default 16 million.
+    pub zeros: u64,
     /// Nodes of a scene hierarchy. Default 4 million.
     pub nodes: u64,
     /// Levels of a scene hierarchy. Default 1,024.
@@ -27,11 +29,12 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            file_bytes: 4 << 30,
-            memory_bytes: 16 << 30,
-            vertices: 500_000_000,
-            triangles: 500_000_000,
-            image_pixels: 1 << 28,
+            file_bytes: 2 << 30,
+            memory_bytes: 4 << 30,
+            vertices: 100_000_000,
+            triangles: 200_000_000,
+            image_pixels: 1 << 27,
+            zeros: 16_000_000,
             nodes: 4_000_000,
             nesting: 1024,
             materials: 1_000_000,

@@ -5,6 +5,10 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use crate::error::LoadError;
+use crate::limits::Limits;
+use crate::place::Place;
+
 /// Delivers the files that a scene file refers to: buffers, images, material libraries.
 pub trait FileSource {
     /// Reads the file called `relative`: a path relative to the scene file, with forward slashes and without
@@ -107,16 +111,32 @@ fn entry_ignoring_case(directory: &Path, wanted: &str) -> Option<PathBuf> {
     std::fs::read_dir(listable).ok()?.filter_map(|entry| Some(entry.ok()?.path())).filter(same).min()
 }
 
+/// Reads a file that the user named, within the limits.
+pub(crate) fn read_named(path: &Path, limits: &Limits) -> Result<Vec<u8>, LoadError> {
+    let place = Place::whole(&path.display().to_string().as_str().into());
+    let io_error = |source| LoadError::Io { place: Box::new(place.clone()), source };
+    read_file(path, limits.file_bytes).map_err(|error| match error {
+        SourceError::TooLarge { limit } => {
+            let size = std::fs::metadata(path).map_or(limit, |m| m.len());
+            LoadError::limit(place.clone(), "bytes", size, "file_bytes", limit)
+        }
+        SourceError::Io(source) => io_error(source),
+        SourceError::NotFound | SourceError::NoFiles => io_error(io::ErrorKind::NotFound.into()),
+    })
+}
+
 /// Reads a regular file of at most `max_bytes` bytes.
 pub(crate) fn read_file(path: &Path, max_bytes: u64) -> Result<Vec<u8>, SourceError> {
-    let file = File::open(path).map_err(|error| match error.kind() {
+    let missing = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => SourceError::NotFound,
         _ => SourceError::Io(error),
-    })?;
-    let metadata = file.metadata()?;
-    if !metadata.is_file() {
+    };
+    // Asked before opening: to open a pipe is to wait for its writer.
+    if !std::fs::metadata(path).map_err(missing)?.is_file() {
         return Err(io::Error::other("this is not a regular file").into());
     }
+    let file = File::open(path).map_err(missing)?;
+    let metadata = file.metadata()?;
     if metadata.len() > max_bytes {
         return Err(SourceError::TooLarge { limit: max_bytes });
     }

@@ -98,7 +98,7 @@ pub enum Environment {
 /// columns further right turn towards +X.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentMap {
-    /// Linear radiance.
+    /// Radiance: float images as they are, 8-bit ones decoded from sRGB.
     pub image: Arc<Image>,
     /// Multiplies the image.
     pub scale: Vec3,

@@ -185,6 +185,11 @@ impl<'a> Loader<'a, '_> {
             Some(view) => {
                 Some(self.elements(&place, view, accessor.byte_offset, accessor.count, size, false)?)
             }
+            None if accessor.count > self.context.limits.zeros => {
+                let limit = self.context.limits.zeros;
+                let what = "elements without a buffer view";
+                return Err(LoadError::limit(place, what, accessor.count, "zeros", limit));
+            }
             None => None,
         };
         let count = accessor.count as usize;

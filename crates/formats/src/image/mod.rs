@@ -1,6 +1,7 @@
 //! Pictures: PNG, JPEG, TGA, Radiance HDR and OpenEXR in; PNG, HDR and EXR out.
 
 use std::io::Cursor;
+use std::path::Path;
 use std::sync::Arc;
 
 use heliostat_scene::Image;
@@ -30,6 +31,14 @@ pub use encode::{EncodeError, encode_exr, encode_hdr, encode_png};
 /// [`LoadError`] when the data is broken, too large, or in no supported format.
 pub fn decode(name: &str, bytes: &[u8], limits: &Limits) -> Result<Image, LoadError> {
     decode_within(&name.into(), bytes, limits, limits.memory_bytes)
+}
+
+/// Reads a picture file; see [`decode`].
+///
+/// # Errors
+/// [`LoadError`] also when the file cannot be read.
+pub fn load(path: &Path, limits: &Limits) -> Result<Image, LoadError> {
+    decode(&path.display().to_string(), &crate::source::read_named(path, limits)?, limits)
 }
 
 /// As [`decode`], using no more than `memory` bytes for the result.
@@ -133,7 +142,8 @@ fn broken(file: &Arc<str>, format: ImageFormat, error: &ImageError) -> LoadError
     let place = Place::whole(file);
     match error {
         ImageError::Limits(_) => {
-            let hint = "raise `Limits::memory_bytes` if the file is to be trusted";
+            let hint =
+                "this is `Limits::memory_bytes` of the importer; a program that trusts the file may raise it";
             LoadError::limit_text(place, format!("the {kind} image is too large: {error}"), hint)
         }
         ImageError::Unsupported(_) => {
