@@ -109,15 +109,20 @@ fn lamps(builder: &mut SceneBuilder, palette: &Palette, lighting: Lighting) {
     // Downwards along the profile is the inside of the ring; this one is walked the other way round.
     let rim: Vec<_> = rim.into_iter().rev().collect();
     let frame = loft(&rectangle(half), &rim);
-    let lamp = object(builder, "lamp", [(face, glow), (frame, palette.aluminium)]);
+    let rim = object(builder, "lamp rim", [(frame, palette.aluminium)]);
     let spots: Vec<Vec2> = match lighting {
         Lighting::Ceiling => {
             (0..8).map(|i| Vec2::new((i / 2) as f32 * 2.4 - 3.6, (i % 2) as f32 * 2.6 - 1.3)).collect()
         }
         Lighting::OneLamp => vec![Vec2::ZERO],
     };
+    let spots = spots.into_iter().map(|spot| Vec3::new(spot.x, HEIGHT - 0.055, spot.y));
+    // The panels are switched together and are one light: renderers that visit every light need one shadow ray for all.
+    let panels = Shape::union(spots.clone().map(|spot| face.clone().moved(spot)));
+    let panels = object(builder, "lamps", [(panels, glow)]);
+    builder.place("lamps", panels, None, Affine3A::IDENTITY);
     for spot in spots {
-        builder.place("lamp", lamp, None, place(Vec3::new(spot.x, HEIGHT - 0.055, spot.y), 0.0));
+        builder.place("lamp rim", rim, None, place(spot, 0.0));
     }
 }
 
