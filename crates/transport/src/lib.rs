@@ -2,7 +2,7 @@
 //!
 //! An integrator renders one region of the picture at a time, a whole region per step: it asks the kernel in batches
 //! (tiles of camera rays with a common origin where the camera has one) and shades between the queries. It is generic
-//! over [`RayQuery`](heliostat_kernel::RayQuery), so that the oracle or a recorder can stand in for the kernel. The
+//! over [`RayQuery`], so that the oracle or a recorder can stand in for the kernel. The
 //! result of a pixel depends on the pixel alone, never on the region, its neighbours or the number of threads.
 #![forbid(unsafe_code)]
 
