@@ -1,12 +1,9 @@
 //! Loads every real scene of the supported formats. The files lie where `HELIOSTAT_SCENES` points; without it these
 //! tests pass and say what did not run.
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "tests say what they found and what did not run"
-)]
+#![expect(clippy::print_stdout, reason = "tests say what they found")]
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use heliostat_formats::image::decode;
@@ -17,7 +14,8 @@ use heliostat_scene::{Geometry, ObjectId, Pixels, Scene};
 fn scenes(test: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("HELIOSTAT_SCENES").map(PathBuf::from);
     if folder.is_none() {
-        eprintln!("{test}: not run, because HELIOSTAT_SCENES is not set");
+        // Past the test harness, which keeps what passing tests print to itself.
+        _ = writeln!(std::io::stderr(), "{test} did not run: HELIOSTAT_SCENES is not set");
     }
     folder
 }
