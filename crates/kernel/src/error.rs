@@ -73,6 +73,9 @@ pub enum BuildError {
         /// Index of the instance in the list given at which the count overflowed.
         instance: usize,
     },
+    /// The caller stopped the build.
+    #[error("the build was cancelled")]
+    Cancelled,
 }
 
 /// Why an instruction set could not be chosen.

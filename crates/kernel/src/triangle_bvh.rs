@@ -1,18 +1,17 @@
 //! One tree over all triangles of an object.
 use std::fmt;
 
-use glam::{DVec3, Vec3, Vec4};
-use rayon::prelude::*;
-
 use crate::{
     aabb::Aabb,
     build::{
-        BuildOptions, TreeStats,
-        binary::{self, LeafRule, PrimRef},
+        self, BuildOptions, TreeStats,
+        binary::LeafRule,
+        binned, triangles,
+        watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
     error::BuildError,
-    layout::{Block, Child, LEAF_TRIANGLES, Node, WIDTH},
+    layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
     mesh::Mesh,
 };
 
@@ -23,6 +22,7 @@ pub(crate) const MAX_COORDINATE: f32 = 1.0e10;
 ///
 /// The tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be dropped.
 /// Building the same meshes gives the same bits for any number of threads.
+#[derive(Default)]
 pub struct TriangleBvh {
     pub(crate) tree: WideTree,
     pub(crate) blocks: Vec<Block>,
@@ -52,42 +52,38 @@ impl TriangleBvh {
     /// [`BuildError::IndexOutOfRange`] for the first bad vertex index, [`BuildError::TooManyTriangles`] past
     /// [`TriangleBvh::MAX_TRIANGLES`].
     pub fn build(meshes: &[Mesh], options: &BuildOptions) -> Result<Self, BuildError> {
-        let mesh_starts = number_triangles(meshes)?;
-        let mut prims = Vec::with_capacity(mesh_starts.last().copied().unwrap_or(0) as usize);
-        for (mesh, &start) in meshes.iter().zip(&mesh_starts) {
-            let refs = mesh.indices.par_iter().enumerate();
-            prims.par_extend(refs.filter_map(|(i, triangle)| prim_ref(mesh, triangle, start + i as u32)));
-        }
-        if prims.is_empty() {
-            return Ok(Self {
-                tree: WideTree::default(),
-                blocks: Vec::new(),
-                mesh_starts,
-                bounds: Aabb::EMPTY,
-                triangles: 0,
-            });
-        }
+        Self::build_with(meshes, options, &())
+    }
 
-        let rule = LeafRule { max: LEAF_TRIANGLES, block: WIDTH };
-        let nodes = binary::build(&mut prims, rule, options);
-        let bounds = Aabb::new(nodes[0].lo.truncate(), nodes[0].hi.truncate());
-        // Leaves take consecutive blocks: (first primitive, count) of each block.
-        let mut ranges: Vec<(u32, u32)> = Vec::with_capacity(prims.len() / 4 + 1);
-        let tree = wide::collapse(&nodes, |begin, count| {
-            let first = ranges.len() as u32;
-            let block_count = count.div_ceil(WIDTH as u32);
-            for i in 0..block_count {
-                let offset = i * WIDTH as u32;
-                ranges.push((begin + offset, (count - offset).min(WIDTH as u32)));
-            }
-            (Child::blocks(first, block_count), block_count as f32 * options.intersection_cost)
-        });
-        let triangles = prims.len();
-        let pack = |&(begin, count): &(u32, u32)| {
-            pack_block(meshes, &mesh_starts, &prims[begin as usize..(begin + count) as usize])
-        };
-        let blocks = ranges.par_iter().with_min_len(256).map(pack).collect();
-        Ok(Self { tree, blocks, mesh_starts, bounds, triangles })
+    /// As [`TriangleBvh::build`], with somebody who follows the work and may stop it.
+    ///
+    /// # Errors
+    /// As there, and [`BuildError::Cancelled`].
+    pub fn build_with(
+        meshes: &[Mesh],
+        options: &BuildOptions,
+        progress: &dyn BuildProgress,
+    ) -> Result<Self, BuildError> {
+        let mesh_starts = triangles::number(meshes)?;
+        let (level, watch) = (build::level(), Watch::new(progress));
+        watch.stage(60);
+        let mut prims = triangles::boxes(meshes, &mesh_starts, &watch);
+        watch.check()?;
+        if prims.is_empty() {
+            return Ok(Self { mesh_starts, ..Self::default() });
+        }
+        let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
+        watch.stage(800);
+        let binary = binned::build(level, &mut prims, rule, options, &watch);
+        watch.check()?;
+        let bounds = Aabb::new(binary[0].bounds().lo(), binary[0].bounds().hi());
+        watch.stage(850);
+        let (tree, ranges) = wide::collapse(level, &binary, rule, options.intersection_cost, &watch);
+        watch.check()?;
+        watch.stage(1000);
+        let blocks = triangles::blocks(meshes, &mesh_starts, &prims, &ranges, &watch);
+        watch.check()?;
+        Ok(Self { tree, blocks, mesh_starts, bounds, triangles: prims.len() })
     }
 
     /// The box around all triangles that can be hit, object space.
@@ -140,62 +136,4 @@ impl TriangleBvh {
             lanes.map(|lane| (block.corners(lane), block.triangle[lane]))
         })
     }
-}
-
-/// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
-fn number_triangles(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
-    let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
-    if count > TriangleBvh::MAX_TRIANGLES {
-        return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
-    }
-    let mut starts = Vec::with_capacity(meshes.len() + 1);
-    let mut next = 0;
-    for (mesh, Mesh { positions, indices }) in meshes.iter().enumerate() {
-        let vertices = positions.len();
-        let bad = |index: &u32| *index as usize >= vertices;
-        if let Some(triangle) = indices.par_iter().position_first(|t| t.iter().any(bad)) {
-            let index = indices[triangle].into_iter().find(bad).unwrap_or_default();
-            return Err(BuildError::IndexOutOfRange { mesh, triangle, index, vertices });
-        }
-        starts.push(next);
-        next += indices.len() as u32;
-    }
-    starts.push(next);
-    Ok(starts)
-}
-
-/// The bounds of a triangle, or `None` if it can never be hit.
-fn prim_ref(mesh: &Mesh, triangle: &[u32; 3], id: u32) -> Option<PrimRef> {
-    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
-    let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
-    // Minima may drop a NaN, so ask each vertex.
-    let usable = |v: Vec3| v.abs().cmple(Vec3::splat(MAX_COORDINATE)).all();
-    if !(usable(a) && usable(b) && usable(c)) || double_area_vector(a, b, c) == DVec3::ZERO {
-        return None;
-    }
-    Some(PrimRef::new(Vec4::from((lo, 0.0)), Vec4::from((hi, 0.0)), id))
-}
-
-/// `(b−a) × (c−a)` in double precision, where it is zero only for triangles that have no area.
-pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
-    let a = a.as_dvec3();
-    (b.as_dvec3() - a).cross(c.as_dvec3() - a)
-}
-
-fn pack_block(meshes: &[Mesh], starts: &[u32], prims: &[PrimRef]) -> Block {
-    let mut block = Block::EMPTY;
-    for (lane, prim) in prims.iter().enumerate() {
-        let id = prim.id();
-        let mesh = starts.partition_point(|&start| start <= id) - 1;
-        let Mesh { positions, indices } = &meshes[mesh];
-        let triangle = indices[(id - starts[mesh]) as usize];
-        for (corner, index) in triangle.into_iter().enumerate() {
-            let p = positions[index as usize];
-            for (axis, value) in p.to_array().into_iter().enumerate() {
-                block.vertex[corner][axis][lane] = value;
-            }
-        }
-        block.triangle[lane] = id;
-    }
-    block
 }

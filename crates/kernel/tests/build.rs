@@ -12,7 +12,7 @@ fn same_bits_for_any_number_of_threads() {
     let mut rng = Rng::new(41);
     // Above the sizes from which tasks and binning run in parallel.
     let meshes = [soup(&mut rng, 90_000, 10.0, 0.1, Vec3::ZERO), soup(&mut rng, 5_000, 3.0, 1.0, Vec3::X)];
-    let prints: Vec<u64> = [1, 2, 4]
+    let prints: Vec<u64> = [1, 2, 5]
         .into_iter()
         .map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");

@@ -1,6 +1,14 @@
 //! Tree construction: a binary tree by the surface area heuristic, then its collapse to 8-wide nodes.
 pub(crate) mod binary;
+pub(crate) mod binned;
+pub(crate) mod boxes;
+pub(crate) mod triangles;
+pub(crate) mod watch;
 pub(crate) mod wide;
+
+use fearless_simd::Level;
+
+use crate::isa::Isa;
 
 /// How a tree is built. The defaults suit nearly everything.
 ///
@@ -38,4 +46,11 @@ pub struct TreeStats {
     pub bytes: usize,
     /// Expected cost of a random ray: node visits plus block tests, by the surface area heuristic.
     pub sah: f32,
+}
+
+/// The instruction set that builders run on: the one that `HELIOSTAT_ISA` forces, otherwise the best. It makes no
+/// difference to the result.
+pub(crate) fn level() -> Level {
+    let forced = Isa::from_env().ok().flatten();
+    forced.unwrap_or_else(Isa::best).checked_level().unwrap_or_else(|_| Level::baseline())
 }

@@ -1,9 +1,20 @@
 //! The collapse of a binary tree into 8-wide nodes, apart from any builder.
-use super::binary::BinaryNode;
+//!
+//! Subtrees of a fixed size are collapsed on their own, in parallel, and the lists are joined in order.
+use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*};
+use rayon::prelude::*;
+
+use super::{
+    binary::{BinaryNode, Content, LeafRule},
+    watch::Watch,
+};
 use crate::layout::{Child, Node, WIDTH};
 
+/// A subtree with no more references than this, or than 1/64 of the whole, is collapsed by one thread.
+const TASK: u32 = 1 << 13;
+
 /// A finished 8-wide tree. The root is node 0; no nodes means nothing to hit.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct WideTree {
     pub nodes: Vec<Node>,
     /// Largest coordinate magnitude per axis: the scale of rounding errors in box tests.
@@ -13,89 +24,233 @@ pub(crate) struct WideTree {
     pub sah: f32,
 }
 
-/// Collapses by opening the largest child until a node is full. `leaf` turns a leaf (first primitive, count)
-/// into a payload and its cost; it is called in depth-first order.
-pub(crate) fn collapse(binary: &[BinaryNode], mut leaf: impl FnMut(u32, u32) -> (Child, f32)) -> WideTree {
-    let Some(root) = binary.first() else { return WideTree::default() };
-    let extent = root.lo.abs().max(root.hi.abs());
-    let mut tree = WideTree { extent: [extent.x, extent.y, extent.z], ..WideTree::default() };
-    let root_area = root.half_area();
-    let scale = if root_area > 0.0 && root_area.is_finite() { 1.0 / root_area } else { 0.0 };
-    let mut sah = 0.0_f64;
+/// First reference and number of references of a block.
+pub(crate) type BlockRange = (u32, u32);
 
-    tree.nodes.push(Node::EMPTY);
-    // Depth first, so that a subtree lies together in memory: (binary node to open, wide node to fill).
-    let mut open = vec![(0_usize, 0_usize)];
-    while let Some((from, to)) = open.pop() {
-        sah += f64::from(binary[from].half_area() * scale);
-        let (members, count) = gather(binary, from);
-        let mut node = Node::EMPTY;
-        for (lane, &member) in members[..count].iter().enumerate() {
-            let child = &binary[member];
-            set_bounds(&mut node, lane, child);
-            node.child[lane] = if child.right == 0 {
-                let (code, cost) = leaf(child.begin, child.count);
-                tree.leaves += 1;
-                sah += f64::from(child.half_area() * scale * cost);
-                code
-            } else {
-                let index = tree.nodes.len();
-                tree.nodes.push(Node::EMPTY);
-                open.push((member, index));
-                Child::inner(index as u32)
-            };
-        }
-        node.order = child_order(&node);
-        tree.nodes[to] = node;
-    }
-    tree.sah = sah as f32;
-    tree
+/// Collapses by opening the largest child until a node is full. The leaves' payloads are runs in the list of blocks
+/// that is returned too; neighbours in the tree are neighbours in both lists.
+pub(crate) fn collapse(
+    level: Level,
+    binary: &[BinaryNode],
+    rule: LeafRule,
+    block_cost: f32,
+    watch: &Watch<'_>,
+) -> (WideTree, Vec<BlockRange>) {
+    let Some(root) = binary.first() else { return Default::default() };
+    let (lo, hi) = (root.bounds().lo(), root.bounds().hi());
+    let Content::Inner { count, .. } = root.content() else {
+        // A root that is a leaf: one node with one child.
+        let part = Collapse { binary, rule, block_cost, cut: 0 }.run(level, 0);
+        return finish(vec![part], binary, lo.abs().max(hi.abs()).to_array());
+    };
+    let collapse = Collapse { binary, rule, block_cost, cut: TASK.max(count / 64) };
+    let top = collapse.run(level, 0);
+    watch.expect(top.apart.len() as u64);
+    let whole = Collapse { cut: 0, ..collapse };
+    let below = top.apart.par_iter().map(|&from| {
+        let part = if watch.stopped() { Part::default() } else { whole.run(level, from) };
+        watch.advance(1);
+        part
+    });
+    let below: Vec<Part> = below.collect();
+    let parts: Vec<Part> = std::iter::once(top).chain(below).collect();
+    finish(parts, binary, lo.abs().max(hi.abs()).to_array())
 }
 
-/// Up to 8 descendants of `from` that together replace it.
-fn gather(binary: &[BinaryNode], from: usize) -> ([usize; WIDTH], usize) {
-    let mut members = [from; WIDTH];
-    let mut count = 1;
-    while count < WIDTH {
-        let mut largest: Option<(usize, f32)> = None;
-        for (i, &member) in members[..count].iter().enumerate() {
-            let area = binary[member].half_area();
-            if binary[member].right != 0 && largest.is_none_or(|(_, a)| area > a) {
-                largest = Some((i, area));
+/// Wide nodes and blocks, numbered from 0; those of children that are apart are numbers in `apart`.
+#[derive(Default)]
+struct Part {
+    nodes: Vec<Node>,
+    blocks: Vec<BlockRange>,
+    /// Binary nodes at which other parts begin.
+    apart: Vec<u32>,
+    leaves: usize,
+    /// Σ half area · cost.
+    cost: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Collapse<'a> {
+    binary: &'a [BinaryNode],
+    rule: LeafRule,
+    block_cost: f32,
+    /// Inner children with no more references than this are left to other parts.
+    cut: u32,
+}
+
+/// Marks a child that is apart.
+const APART: u32 = 1 << 30;
+
+impl Collapse<'_> {
+    fn run(&self, level: Level, from: u32) -> Part {
+        dispatch!(level, simd => self.part(simd, from))
+    }
+
+    #[inline(always)]
+    fn part<S: Simd>(&self, simd: S, from: u32) -> Part {
+        let mut part = Part { nodes: vec![Node::EMPTY], ..Part::default() };
+        // Depth first, so that a subtree lies together in memory: (binary node to open, wide node to fill).
+        let mut open = vec![(from, 0_usize)];
+        while let Some((from, to)) = open.pop() {
+            part.cost += f64::from(self.binary[from as usize].bounds().half_area());
+            let (members, count) = self.gather(from);
+            let mut node = Node::EMPTY;
+            for (lane, &member) in members[..count].iter().enumerate() {
+                let child = &self.binary[member as usize];
+                set_bounds(&mut node, lane, child);
+                node.child[lane] = match child.content() {
+                    Content::Inner { count, .. } if count <= self.cut => {
+                        part.apart.push(member);
+                        Child::inner(APART | (part.apart.len() as u32 - 1))
+                    }
+                    Content::Inner { .. } => {
+                        let index = part.nodes.len();
+                        part.nodes.push(Node::EMPTY);
+                        open.push((member, index));
+                        Child::inner(index as u32)
+                    }
+                    Content::Leaf { begin, count } => self.leaf(&mut part, child, begin, count),
+                    Content::Apart { .. } => Child::NONE,
+                };
+            }
+            node.order = child_order(simd, &node, count);
+            part.nodes[to] = node;
+        }
+        part
+    }
+
+    fn leaf(&self, part: &mut Part, leaf: &BinaryNode, begin: u32, count: u32) -> Child {
+        let first = part.blocks.len() as u32;
+        let blocks = self.rule.blocks(count as usize) as u32;
+        for i in 0..blocks {
+            let offset = i << self.rule.block_shift;
+            part.blocks.push((begin + offset, (count - offset).min(1 << self.rule.block_shift)));
+        }
+        part.leaves += 1;
+        part.cost += f64::from(leaf.bounds().half_area() * blocks as f32 * self.block_cost);
+        Child::blocks(first, blocks)
+    }
+
+    /// Up to 8 descendants of `from` that together replace it.
+    #[inline(always)]
+    fn gather(&self, from: u32) -> ([u32; WIDTH], usize) {
+        let mut members = [from; WIDTH];
+        // Areas of those that can be opened.
+        let mut areas = [-1.0_f32; WIDTH];
+        let mut count = 1;
+        let mut opened = 0;
+        while let Content::Inner { children, .. } = self.binary[members[opened] as usize].content() {
+            for (lane, member) in [(opened, children), (count, children + 1)] {
+                let child = &self.binary[member as usize];
+                let inner = matches!(child.content(), Content::Inner { .. });
+                members[lane] = member;
+                areas[lane] = if inner { child.bounds().half_area() } else { -1.0 };
+            }
+            count += 1;
+            if count == WIDTH {
+                break;
+            }
+            let mut largest = -1.0;
+            for (lane, &area) in areas.iter().enumerate() {
+                if area > largest {
+                    (largest, opened) = (area, lane);
+                }
+            }
+            if largest < 0.0 {
+                break;
             }
         }
-        let Some((i, _)) = largest else { break };
-        let opened = members[i];
-        members[i] = opened + 1;
-        members[count] = opened + binary[opened].right as usize;
-        count += 1;
+        (members, count)
     }
-    (members, count)
 }
 
+#[inline(always)]
 fn set_bounds(node: &mut Node, lane: usize, child: &BinaryNode) {
+    let b = &child.bounds().0;
     for axis in 0..3 {
-        node.bounds[axis][lane] = child.lo[axis];
-        node.bounds[axis + 3][lane] = child.hi[axis];
+        node.bounds[axis][lane] = b[axis];
+        node.bounds[axis + 3][lane] = -b[axis + 4];
     }
+}
+
+/// Joins parts into one tree; the first is the top, whose children that are apart begin the others, in order.
+fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTree, Vec<BlockRange>) {
+    let (mut node_starts, mut block_starts) = (vec![0], vec![0]);
+    for part in &parts {
+        node_starts.push(node_starts[node_starts.len() - 1] + part.nodes.len());
+        block_starts.push(block_starts[block_starts.len() - 1] + part.blocks.len() as u32);
+    }
+    let total = node_starts[parts.len()];
+    let moved = |index: usize| {
+        let part = node_starts.partition_point(|&start| start <= index) - 1;
+        let mut node = parts[part].nodes[index - node_starts[part]];
+        for child in node.child.iter_mut().filter(|child| **child != Child::NONE) {
+            *child = if child.is_leaf() {
+                Child::leaf(child.payload() + 2 * block_starts[part])
+            } else if child.0 & APART != 0 {
+                Child::inner(node_starts[(child.0 & !APART) as usize + 1] as u32)
+            } else {
+                Child::inner(child.0 + node_starts[part] as u32)
+            };
+        }
+        node
+    };
+    let root_area = binary[0].bounds().half_area();
+    let scale = if root_area > 0.0 && root_area.is_finite() { 1.0 / f64::from(root_area) } else { 0.0 };
+    let tree = WideTree {
+        nodes: (0..total).into_par_iter().with_min_len(1024).map(moved).collect(),
+        extent,
+        leaves: parts.iter().map(|part| part.leaves).sum(),
+        sah: (parts.iter().map(|part| part.cost).sum::<f64>() * scale) as f32,
+    };
+    (tree, parts.into_iter().flat_map(|part| part.blocks).collect())
 }
 
 /// For each sign octant the lanes from near to far, by the centre's distance along the octant's diagonal.
-fn child_order(node: &Node) -> [u32; WIDTH] {
+#[inline(always)]
+fn child_order<S: Simd>(simd: S, node: &Node, count: usize) -> [u32; WIDTH] {
+    let [x, y, z] =
+        [doubled_centers(simd, node, 0), doubled_centers(simd, node, 1), doubled_centers(simd, node, 2)];
+    let lanes = i32x8::load_array(simd, [0, 1, 2, 3, 4, 5, 6, 7]);
+    let used = lanes.simd_lt(i32x8::splat(simd, count as i32));
     let mut order = [0; WIDTH];
-    for (octant, packed) in order.iter_mut().enumerate() {
-        let key = |lane: usize| {
-            if node.child[lane] == Child::NONE {
-                return f32::INFINITY;
-            }
-            (0..3).fold(0.0, |sum, axis| {
-                let center = node.bounds[axis][lane] + node.bounds[axis + 3][lane];
-                if octant >> axis & 1 == 0 { sum + center } else { sum - center }
-            })
-        };
-        let mut lanes = [0, 1, 2, 3, 4, 5, 6, 7];
-        lanes.sort_by(|&a, &b| key(a).total_cmp(&key(b)));
-        *packed = lanes.iter().rev().fold(0, |bits, &lane| bits << 3 | lane as u32);
+    // The opposite octant has the opposite order.
+    for (octant, key) in [x + y + z, y + z - x, x + z - y, z - x - y].into_iter().enumerate() {
+        let ranks = ranks(simd, key, used, lanes);
+        let reversed = i32x8::splat(simd, count as i32 - 1) - ranks;
+        order[octant] = packed(lanes, ranks);
+        order[7 - octant] = packed(lanes, used.select(reversed, ranks));
     }
     order
+}
+
+#[inline(always)]
+fn doubled_centers<S: Simd>(simd: S, node: &Node, axis: usize) -> f32x8<S> {
+    f32x8::load_array_ref(simd, &node.bounds[axis]) + f32x8::load_array_ref(simd, &node.bounds[axis + 3])
+}
+
+/// The place of each lane in the order of `keys`; unused lanes keep theirs, behind the used ones.
+#[inline(always)]
+fn ranks<S: Simd>(simd: S, keys: f32x8<S>, used: mask32x8<S>, lanes: i32x8<S>) -> i32x8<S> {
+    // As integers that compare like the keys, whose lowest bits give way to the lane: no two are equal.
+    let bits: i32x8<S> = keys.bitcast();
+    let sortable = bits ^ ((bits >> 31) & i32x8::splat(simd, i32::MAX));
+    let last = i32x8::splat(simd, i32::MAX);
+    let sortable = (used.select(sortable, last) & i32x8::splat(simd, !7)) | lanes;
+    let (mut ranks, one) = (i32x8::splat(simd, 0), i32x8::splat(simd, 1));
+    for key in sortable.to_array() {
+        let behind = i32x8::splat(simd, key).simd_lt(sortable);
+        ranks = behind.select(ranks + one, ranks);
+    }
+    ranks
+}
+
+/// Each lane's number, 3 bits wide, at its rank.
+#[inline(always)]
+fn packed<S: Simd>(lanes: i32x8<S>, ranks: i32x8<S>) -> u32 {
+    let mut bits = 0;
+    for place in (lanes << (ranks + ranks + ranks)).to_array() {
+        bits |= place as u32;
+    }
+    bits
 }

@@ -1,0 +1,135 @@
+//! From meshes to what builders work on, and from their result to packed triangles.
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{DVec3, Vec3, Vec3Swizzles};
+use rayon::prelude::*;
+
+use super::{boxes::PackedBox, watch::Watch, wide::BlockRange};
+use crate::{
+    error::BuildError,
+    layout::Block,
+    mesh::Mesh,
+    triangle_bvh::{MAX_COORDINATE, TriangleBvh},
+};
+
+/// Triangles per task, and between two looks at the watch.
+const CHUNK: usize = 1 << 13;
+/// The number of a triangle that can never be hit.
+const SKIPPED: u32 = u32::MAX;
+
+/// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
+pub(crate) fn number(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
+    let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
+    if count > TriangleBvh::MAX_TRIANGLES {
+        return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
+    }
+    let mut starts = Vec::with_capacity(meshes.len() + 1);
+    let mut next = 0;
+    for (mesh, Mesh { positions, indices }) in meshes.iter().enumerate() {
+        let vertices = positions.len();
+        let bad = |index: &u32| *index as usize >= vertices;
+        let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
+        // Whole chunks first: no early exit inside them, so they are checked many at a time.
+        if let Some(chunk) = indices.par_chunks(CHUNK).position_first(|chunk| !good(chunk)) {
+            let in_chunk = indices[chunk * CHUNK..].iter().position(|t| t.iter().any(bad)).unwrap_or(0);
+            let triangle = chunk * CHUNK + in_chunk;
+            let index = indices[triangle].into_iter().find(bad).unwrap_or_default();
+            return Err(BuildError::IndexOutOfRange { mesh, triangle, index, vertices });
+        }
+        starts.push(next);
+        next += indices.len() as u32;
+    }
+    starts.push(next);
+    Ok(starts)
+}
+
+/// The boxes of all triangles that can be hit, in order.
+pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<PackedBox> {
+    let count = starts.last().copied().unwrap_or(0) as usize;
+    watch.expect(count as u64);
+    let mut prims = Vec::with_capacity(count);
+    let skipped = AtomicBool::new(false);
+    for (Mesh { positions, indices }, &start) in meshes.iter().zip(starts) {
+        // Nearly always all vertices are good, and triangles need no test of their own.
+        let good = positions.par_chunks(CHUNK).all(|chunk| chunk.iter().all(usable));
+        let one = |(i, triangle): (usize, &[u32; 3])| {
+            if i % CHUNK == CHUNK - 1 {
+                watch.advance(CHUNK as u64);
+            }
+            let corners = triangle.map(|i| positions[i as usize]);
+            let hittable = (good || corners.iter().all(usable)) && has_area(corners);
+            if !hittable {
+                skipped.store(true, Ordering::Relaxed);
+            }
+            let [a, b, c] = corners;
+            let id = if hittable { start + i as u32 } else { SKIPPED };
+            PackedBox::primitive(a.min(b).min(c), a.max(b).max(c), id)
+        };
+        if watch.stopped() {
+            break;
+        }
+        if indices.len() < CHUNK {
+            prims.extend(indices.iter().enumerate().map(one));
+        } else {
+            prims.par_extend(indices.par_iter().enumerate().with_min_len(CHUNK / 4).map(one));
+        }
+    }
+    if skipped.into_inner() {
+        prims.retain(|prim| prim.id() != SKIPPED);
+    }
+    prims
+}
+
+/// Whether a vertex is finite and not too far away.
+fn usable(vertex: &Vec3) -> bool {
+    vertex.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
+}
+
+/// Whether a triangle of usable vertices has an area, however small.
+fn has_area([a, b, c]: [Vec3; 3]) -> bool {
+    let (e, f) = (b - a, c - a);
+    let (plus, minus) = (e.zxy() * f, e * f.zxy());
+    // Each difference and product rounds by 2^-24 relative to itself: beyond the sum of that, it is not zero.
+    let doubt = (plus.abs() + minus.abs()) * 1.0e-6 + Vec3::splat(1.0e-36);
+    (plus - minus).abs().cmpgt(doubt).any() || double_area_vector(a, b, c) != DVec3::ZERO
+}
+
+/// `(b−a) × (c−a)` in double precision, where it is zero only for triangles that have no area.
+pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
+    let a = a.as_dvec3();
+    (b.as_dvec3() - a).cross(c.as_dvec3() - a)
+}
+
+/// Packs the triangles of each range of `prims` into a block.
+pub(crate) fn blocks(
+    meshes: &[Mesh],
+    starts: &[u32],
+    prims: &[PackedBox],
+    ranges: &[BlockRange],
+    watch: &Watch<'_>,
+) -> Vec<Block> {
+    watch.expect(ranges.len() as u64);
+    let one = |(i, &(begin, count)): (usize, &BlockRange)| {
+        if i % 1024 == 1023 {
+            watch.advance(1024);
+        }
+        pack(meshes, starts, &prims[begin as usize..(begin + count) as usize])
+    };
+    ranges.par_iter().enumerate().with_min_len(256).map(one).collect()
+}
+
+fn pack(meshes: &[Mesh], starts: &[u32], prims: &[PackedBox]) -> Block {
+    let mut block = Block::EMPTY;
+    for (lane, prim) in prims.iter().enumerate() {
+        let id = prim.id();
+        let mesh = if meshes.len() == 1 { 0 } else { starts.partition_point(|&start| start <= id) - 1 };
+        let Mesh { positions, indices } = &meshes[mesh];
+        let triangle = indices[(id - starts[mesh]) as usize];
+        for (vertex, index) in block.vertex.iter_mut().zip(triangle) {
+            let p = positions[index as usize];
+            [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
+        }
+        block.triangle[lane] = id;
+    }
+    block
+}
