@@ -199,7 +199,8 @@ fn divide_small<S: Simd>(
     bins: &mut Bins,
 ) -> Option<[Range; 2]> {
     let count = prims.len();
-    if count == 1 {
+    // Hardly ever would two blocks that are less full be cheaper.
+    if rule.blocks(count) == 1 {
         return None;
     }
     let may_be_leaf = count <= rule.max;
