@@ -64,8 +64,8 @@ impl TriangleBvh {
         options: &BuildOptions,
         progress: &dyn BuildProgress,
     ) -> Result<Self, BuildError> {
-        let mesh_starts = triangles::number(meshes)?;
         let (level, watch) = (build::level(), Watch::new(progress));
+        let mesh_starts = triangles::number(meshes, &watch)?;
         watch.stage(60);
         let mut prims = triangles::boxes(meshes, &mesh_starts, &watch);
         watch.check()?;

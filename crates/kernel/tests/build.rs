@@ -1,10 +1,21 @@
 //! Trees: determinism, completeness, limits and messages; instruction sets by name.
 mod common;
-use common::{Rng, soup};
-use heliostat_kernel::{BuildError, BuildOptions, Isa, IsaError, Mesh, TriangleBvh, World, glam::Vec3};
+use std::sync::{
+    Mutex,
+    atomic::{AtomicUsize, Ordering},
+};
+
+use common::{Rng, all_builders, soup};
+use heliostat_kernel::{
+    BuildError, BuildOptions, BuildProgress, Isa, IsaError, Mesh, TriangleBvh, World, glam::Vec3,
+};
 
 fn build(meshes: &[Mesh]) -> TriangleBvh {
-    TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes")
+    build_by(meshes, &BuildOptions::default())
+}
+
+fn build_by(meshes: &[Mesh], options: &BuildOptions) -> TriangleBvh {
+    TriangleBvh::build(meshes, options).expect("valid meshes")
 }
 
 #[test]
@@ -87,4 +98,55 @@ fn instruction_sets_are_chosen_by_name() {
         }
     }
     assert_eq!("avx9".parse::<Isa>(), Err(IsaError::Unknown { name: "avx9".into() }));
+}
+
+/// Remembers what it was told and cancels after some questions.
+struct Follower {
+    fractions: Mutex<Vec<f32>>,
+    questions: AtomicUsize,
+    patience: usize,
+}
+
+impl BuildProgress for Follower {
+    fn fraction(&self, done: f32) {
+        self.fractions.lock().expect("no panics").push(done);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.questions.fetch_add(1, Ordering::Relaxed) >= self.patience
+    }
+}
+
+fn follow(
+    meshes: &[Mesh],
+    options: &BuildOptions,
+    patience: usize,
+) -> (Result<TriangleBvh, BuildError>, Vec<f32>, usize) {
+    let follower = Follower { fractions: Mutex::default(), questions: AtomicUsize::new(0), patience };
+    let result = TriangleBvh::build_with(meshes, options, &follower);
+    (result, follower.fractions.into_inner().expect("no panics"), follower.questions.into_inner())
+}
+
+#[test]
+fn a_build_shows_its_progress_and_can_be_stopped_anywhere() {
+    let mut rng = Rng::new(43);
+    let meshes = [soup(&mut rng, 150_000, 10.0, 0.1, Vec3::ZERO)];
+    for options in all_builders() {
+        let (tree, fractions, questions) = follow(&meshes, &options, usize::MAX);
+        assert_eq!(tree.expect("not cancelled").fingerprint(), build_by(&meshes, &options).fingerprint());
+        assert!(fractions.is_sorted() && fractions.len() > 20, "{fractions:?}");
+        assert!(
+            fractions[0] > 0.0
+                && fractions[fractions.len() - 1] > 0.95
+                && fractions.iter().all(|&f| f <= 1.0)
+        );
+        assert!(questions > 50, "asked {questions} times");
+        for patience in
+            [0, 1, 2, 5, questions / 8, questions / 4, questions / 2, questions * 3 / 4, questions - 8]
+        {
+            let (tree, _, asked) = follow(&meshes, &options, patience);
+            assert_eq!(tree.err(), Some(BuildError::Cancelled), "after {patience} of {questions}");
+            assert!(asked <= patience + 64, "went on for {asked} questions");
+        }
+    }
 }

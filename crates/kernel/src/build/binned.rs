@@ -75,7 +75,10 @@ impl Builder<'_> {
         let both = |a: (PackedBox, PackedBox), b: (PackedBox, PackedBox)| (a.0.union(&b.0), a.1.union(&b.1));
         let empty = || (PackedBox::EMPTY, PackedBox::EMPTY);
         let chunks = prims.par_chunks(TASK);
-        chunks.map(|chunk| dispatch!(self.level, simd => bounds_of(simd, chunk))).reduce(empty, both)
+        let of = |chunk| {
+            if self.watch.stopped() { empty() } else { dispatch!(self.level, simd => bounds_of(simd, chunk)) }
+        };
+        chunks.map(of).reduce(empty, both)
     }
 
     /// A range of any size.

@@ -18,7 +18,7 @@ const CHUNK: usize = 1 << 13;
 const SKIPPED: u32 = u32::MAX;
 
 /// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
-pub(crate) fn number(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
+pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, BuildError> {
     let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
     if count > TriangleBvh::MAX_TRIANGLES {
         return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
@@ -30,7 +30,9 @@ pub(crate) fn number(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
         let bad = |index: &u32| *index as usize >= vertices;
         let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
         // Whole chunks first: no early exit inside them, so they are checked many at a time.
-        if let Some(chunk) = indices.par_chunks(CHUNK).position_first(|chunk| !good(chunk)) {
+        if let Some(chunk) =
+            indices.par_chunks(CHUNK).position_first(|chunk| !watch.stopped() && !good(chunk))
+        {
             let in_chunk = indices[chunk * CHUNK..].iter().position(|t| t.iter().any(bad)).unwrap_or(0);
             let triangle = chunk * CHUNK + in_chunk;
             let index = indices[triangle].into_iter().find(bad).unwrap_or_default();
@@ -51,10 +53,13 @@ pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<P
     let skipped = AtomicBool::new(false);
     for (Mesh { positions, indices }, &start) in meshes.iter().zip(starts) {
         // Nearly always all vertices are good, and triangles need no test of their own.
-        let good = positions.par_chunks(CHUNK).all(|chunk| chunk.iter().all(usable));
+        let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || chunk.iter().all(usable));
         let one = |(i, triangle): (usize, &[u32; 3])| {
-            if i % CHUNK == CHUNK - 1 {
+            if i % CHUNK == CHUNK - 1 && !watch.stopped() {
                 watch.advance(CHUNK as u64);
+            }
+            if watch.halted() {
+                return PackedBox::EMPTY;
             }
             let corners = triangle.map(|i| positions[i as usize]);
             let hittable = (good || corners.iter().all(usable)) && has_area(corners);
@@ -110,8 +115,11 @@ pub(crate) fn blocks(
 ) -> Vec<Block> {
     watch.expect(ranges.len() as u64);
     let one = |(i, &(begin, count)): (usize, &BlockRange)| {
-        if i % 1024 == 1023 {
+        if i % 1024 == 1023 && !watch.stopped() {
             watch.advance(1024);
+        }
+        if watch.halted() {
+            return Block::EMPTY;
         }
         pack(meshes, starts, &prims[begin as usize..(begin + count) as usize])
     };

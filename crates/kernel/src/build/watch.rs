@@ -74,9 +74,15 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Whether to stop. Once it says yes it stays with it.
+    /// Whether somebody found out that the work is to stop; costs next to nothing.
+    #[inline(always)]
+    pub(crate) fn halted(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// Asks whether to stop. Once the answer was yes it stays with it.
     pub(crate) fn stopped(&self) -> bool {
-        if self.stopped.load(Ordering::Relaxed) {
+        if self.halted() {
             return true;
         }
         let stopped = self.progress.cancelled();

@@ -45,6 +45,11 @@ impl Rng {
     }
 }
 
+/// Options for every builder.
+pub(crate) fn all_builders() -> Vec<BuildOptions> {
+    vec![BuildOptions::default()]
+}
+
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
     let tree = TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes");
     Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("no instances"))
