@@ -24,7 +24,7 @@ mod triangle_bvh;
 mod world;
 
 pub use aabb::Aabb;
-pub use build::{BuildOptions, TreeStats, watch::BuildProgress};
+pub use build::{BuildOptions, Builder, TreeStats, watch::BuildProgress};
 pub use error::{BuildError, IsaError};
 pub use glam;
 pub use isa::Isa;

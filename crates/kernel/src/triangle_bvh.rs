@@ -4,9 +4,9 @@ use std::fmt;
 use crate::{
     aabb::Aabb,
     build::{
-        self, BuildOptions, TreeStats,
+        self, BuildOptions, Builder, TreeStats,
         binary::LeafRule,
-        binned, triangles,
+        binned, spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
@@ -74,7 +74,15 @@ impl TriangleBvh {
         }
         let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
         watch.stage(800);
-        let binary = binned::build(level, &mut prims, rule, options, &watch);
+        let triangles = prims.len();
+        let binary = match options.builder {
+            Builder::BinnedSah => binned::build(level, &mut prims, rule, options, &watch),
+            Builder::SpatialSah => {
+                let budget = (triangles as f32 * options.spatial_budget.clamp(0.0, 4.0)) as usize;
+                let corners = |id| triangles::corners(meshes, &mesh_starts, id);
+                spatial::build(level, &mut prims, budget, &corners, rule, options, &watch)
+            }
+        };
         watch.check()?;
         let bounds = Aabb::new(binary[0].bounds().lo(), binary[0].bounds().hi());
         watch.stage(850);
@@ -83,7 +91,7 @@ impl TriangleBvh {
         watch.stage(1000);
         let blocks = triangles::blocks(meshes, &mesh_starts, &prims, &ranges, &watch);
         watch.check()?;
-        Ok(Self { tree, blocks, mesh_starts, bounds, triangles: prims.len() })
+        Ok(Self { tree, blocks, mesh_starts, bounds, triangles })
     }
 
     /// The box around all triangles that can be hit, object space.
@@ -124,16 +132,20 @@ impl TriangleBvh {
 
     /// Splits a running triangle number into (mesh, triangle of that mesh).
     pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
-        // Mostly one mesh: the search is then one comparison.
-        let mesh = self.mesh_starts.partition_point(|&start| start <= triangle).saturating_sub(1);
-        (mesh as u32, triangle - self.mesh_starts.get(mesh).copied().unwrap_or(0))
+        let (mesh, triangle) = triangles::locate(&self.mesh_starts, triangle);
+        (mesh as u32, triangle as u32)
     }
 
-    /// Every triangle that can be hit: corners and running number.
-    pub(crate) fn triangles(&self) -> impl Iterator<Item = ([[f32; 3]; 3], u32)> + '_ {
-        self.blocks.iter().flat_map(|block| {
+    /// Every triangle that can be hit, once: corners and running number.
+    pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
+        let of_block = |block: &Block| {
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
-            lanes.map(|lane| (block.corners(lane), block.triangle[lane]))
-        })
+            lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
+        };
+        let mut triangles: Vec<_> = self.blocks.iter().flat_map(of_block).collect();
+        // Spatial splits put a triangle into several blocks.
+        triangles.sort_unstable_by_key(|&(_, triangle)| triangle);
+        triangles.dedup_by_key(|&mut (_, triangle)| triangle);
+        triangles
     }
 }

@@ -2,7 +2,7 @@
 mod common;
 use std::sync::Arc;
 
-use common::{Rng, hunt, object};
+use common::{Rng, all_builders, hunt, object, object_by};
 use heliostat_kernel::{
     Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
     glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
@@ -121,7 +121,9 @@ fn spheres_hold_rays_at_their_seams() {
         let mesh = bumpy_sphere(&mut rng, 24, 31, radius, center);
         let targets = seams(&mut rng, &mesh);
         let origins = inner_points(&mut rng, 6, radius, center);
-        assert_no_leak(&object(&[mesh]), &origins, &targets);
+        for options in all_builders() {
+            assert_no_leak(&object_by(std::slice::from_ref(&mesh), &options), &origins, &targets);
+        }
     }
 }
 
@@ -135,7 +137,9 @@ fn coarse_and_fine_solids_hold_rays() {
             targets = (0..20_000).map(|_| targets[rng.below(targets.len())]).collect();
         }
         let origins = inner_points(&mut rng, 2, 1.0, Vec3::new(5.0, 6.0, -7.0));
-        assert_no_leak(&object(&[mesh]), &origins, &targets);
+        for options in all_builders() {
+            assert_no_leak(&object_by(std::slice::from_ref(&mesh), &options), &origins, &targets);
+        }
     }
 }
 
@@ -151,7 +155,9 @@ fn boxes_hold_rays_along_their_axes_and_seams() {
         // On the grid lines themselves: rays run exactly along edges' planes and axes.
         let step = 2.0 * half / cells as f32;
         origins.push(center + Vec3::new(0.0, step * (cells / 4) as f32, 0.0));
-        assert_no_leak(&object(&[mesh]), &origins, &targets);
+        for options in all_builders() {
+            assert_no_leak(&object_by(std::slice::from_ref(&mesh), &options), &origins, &targets);
+        }
     }
 }
 
@@ -189,6 +195,8 @@ fn many_solids_hold_rays() {
         let targets = seams(&mut rng, &mesh);
         // Few bands make a double cone: stay well inside that too.
         let origins = inner_points(&mut rng, 4, radius * 0.4, center);
-        assert_no_leak(&object(&[mesh]), &origins, &targets);
+        for options in all_builders() {
+            assert_no_leak(&object_by(std::slice::from_ref(&mesh), &options), &origins, &targets);
+        }
     }
 }

@@ -14,9 +14,9 @@ use super::{
 };
 
 /// Below this many primitives a subtree is one task.
-const TASK: usize = 4096;
+pub(super) const TASK: usize = 4096;
 /// Levels of a task that count as work: what progress is weighted by.
-const TASK_LEVELS: u64 = 10;
+pub(super) const TASK_LEVELS: u64 = 10;
 /// From this many primitives on, the passes over one node are spread over threads, in parts of at least this size.
 const PARALLEL: usize = 1 << 16;
 /// From this depth on ranges are halved by count, so that no input makes the tree deeper than about 64.
@@ -32,44 +32,55 @@ pub(crate) fn build(
     options: &BuildOptions,
     watch: &Watch<'_>,
 ) -> Vec<BinaryNode> {
-    let top_levels = (prims.len() / TASK + 1).ilog2() + 1;
-    watch.expect((u64::from(top_levels) + TASK_LEVELS) * prims.len() as u64);
+    watch.expect(work(prims.len()));
     let builder = Builder { level, rule, options: *options, watch };
-    let (bounds, centers) = builder.bounds(prims);
-    builder.top(prims, Range { begin: 0, count: prims.len() as u32, depth: 0, bounds, centers }).assemble()
+    let whole = builder.whole(prims);
+    builder.top(prims, whole).assemble()
+}
+
+/// Expected work of a build in primitives times levels.
+pub(super) fn work(count: usize) -> u64 {
+    let top_levels = (count / TASK + 1).ilog2() + 1;
+    (u64::from(top_levels) + TASK_LEVELS) * count as u64
 }
 
 /// A subtree to build.
 #[derive(Clone, Copy)]
-struct Range {
+pub(super) struct Range {
     /// First reference in the whole list.
-    begin: u32,
-    count: u32,
-    depth: u32,
-    bounds: PackedBox,
+    pub begin: u32,
+    pub count: u32,
+    pub depth: u32,
+    pub bounds: PackedBox,
     /// Bounds of the doubled centres.
-    centers: PackedBox,
+    pub centers: PackedBox,
 }
 
 /// How a range is divided: bins `..bin` of `axis` go left.
 #[derive(Clone, Copy)]
-struct Split {
+pub(super) struct Split {
     axis: usize,
     bin: i32,
-    left: PackedBox,
-    right: PackedBox,
+    pub left: PackedBox,
+    pub right: PackedBox,
     /// Σ half area · blocks of both sides.
-    cost: f32,
+    pub cost: f32,
 }
 
-struct Builder<'a> {
-    level: Level,
-    rule: LeafRule,
-    options: BuildOptions,
-    watch: &'a Watch<'a>,
+pub(super) struct Builder<'a> {
+    pub level: Level,
+    pub rule: LeafRule,
+    pub options: BuildOptions,
+    pub watch: &'a Watch<'a>,
 }
 
 impl Builder<'_> {
+    /// The range of all primitives.
+    pub(super) fn whole(&self, prims: &[PackedBox]) -> Range {
+        let (bounds, centers) = self.bounds(prims);
+        Range { begin: 0, count: prims.len() as u32, depth: 0, bounds, centers }
+    }
+
     /// Bounds of all primitives and of their doubled centres.
     fn bounds(&self, prims: &[PackedBox]) -> (PackedBox, PackedBox) {
         let both = |a: (PackedBox, PackedBox), b: (PackedBox, PackedBox)| (a.0.union(&b.0), a.1.union(&b.1));
@@ -82,12 +93,14 @@ impl Builder<'_> {
     }
 
     /// A range of any size.
-    fn top(&self, prims: &mut [PackedBox], range: Range) -> Piece {
+    pub(super) fn top(&self, prims: &mut [PackedBox], range: Range) -> Piece {
         if self.watch.stopped() {
             return Piece::task(vec![BinaryNode::PAD; 2]);
         }
         if prims.len() <= TASK {
-            let nodes = dispatch!(self.level, simd => grow(simd, prims, range, self.rule, &self.options));
+            let mut nodes = Vec::with_capacity(prims.len() / 2 + 2);
+            nodes.extend([BinaryNode::PAD; 2]);
+            self.grow(prims, range, &mut nodes, 0);
             self.watch.advance(TASK_LEVELS * prims.len() as u64);
             return Piece::task(nodes);
         }
@@ -98,21 +111,57 @@ impl Builder<'_> {
         Piece::join(&range.bounds, range.count, left, right)
     }
 
+    /// A whole subtree by this thread alone: its root goes to `nodes[place]`, the rest to the end.
+    pub(super) fn grow(
+        &self,
+        prims: &mut [PackedBox],
+        range: Range,
+        nodes: &mut Vec<BinaryNode>,
+        place: usize,
+    ) {
+        dispatch!(self.level, simd => grow(simd, prims, range, self.rule, &self.options, nodes, place));
+    }
+
     /// Divides a range that is too large for a leaf, on several threads if it is worth it.
     fn divide(&self, prims: &mut [PackedBox], range: &Range) -> [Range; 2] {
-        if range.depth < SAH_DEPTH {
-            let binning = Binning::new(range, &self.options);
-            let bins = self.fill(prims, &binning);
-            let split = dispatch!(self.level, simd => bins.best_split(simd, binning.bins, self.rule));
-            if let Some(split) = split {
-                let (left, centers) = self.partition(prims, &binning, &split);
-                return range.divided(left, [split.left, split.right], centers);
-            }
+        match self.best_split(prims, range) {
+            Some((binning, split)) => self.divide_by(prims, range, &binning, &split),
+            None => self.halve(prims, range),
         }
+    }
+
+    /// The best division by object, if there is any.
+    pub(super) fn best_split(&self, prims: &[PackedBox], range: &Range) -> Option<(Binning, Split)> {
+        if range.depth >= SAH_DEPTH {
+            return None;
+        }
+        let binning = Binning::new(range, &self.options);
+        let bins = self.fill(prims, &binning);
+        let split = dispatch!(self.level, simd => bins.best_split(simd, binning.bins, self.rule));
+        split.map(|split| (binning, split))
+    }
+
+    pub(super) fn divide_by(
+        &self,
+        prims: &mut [PackedBox],
+        range: &Range,
+        binning: &Binning,
+        split: &Split,
+    ) -> [Range; 2] {
+        let (left, centers) = self.partition(prims, binning, split);
+        range.divided(left, [split.left, split.right], centers)
+    }
+
+    pub(super) fn halve(&self, prims: &mut [PackedBox], range: &Range) -> [Range; 2] {
         dispatch!(self.level, simd => halve(simd, prims, range))
     }
 
     fn fill(&self, prims: &[PackedBox], binning: &Binning) -> Bins {
+        if prims.len() <= TASK {
+            let mut bins = Bins::empty();
+            dispatch!(self.level, simd => bins.fill(simd, prims, binning));
+            return bins;
+        }
         let chunks = prims.par_chunks(PARALLEL / 4);
         let fill = |chunk: &[PackedBox]| {
             let mut bins = Bins::empty();
@@ -160,7 +209,7 @@ impl Range {
     }
 }
 
-/// Builds the whole subtree over `range`, whose primitives are `prims`: root, padding, pairs of siblings.
+/// See [`Builder::grow`].
 #[inline(always)]
 fn grow<S: Simd>(
     simd: S,
@@ -168,11 +217,11 @@ fn grow<S: Simd>(
     range: Range,
     rule: LeafRule,
     options: &BuildOptions,
-) -> Vec<BinaryNode> {
-    let mut nodes = Vec::with_capacity(prims.len() / 2 + 2);
-    nodes.extend([BinaryNode::PAD; 2]);
+    nodes: &mut Vec<BinaryNode>,
+    place: usize,
+) {
     let mut bins = Bins::empty();
-    let mut open = vec![(0_usize, range)];
+    let mut open = vec![(place, range)];
     let first = range.begin;
     while let Some((place, range)) = open.pop() {
         let begin = (range.begin - first) as usize;
@@ -188,7 +237,6 @@ fn grow<S: Simd>(
         nodes.extend([BinaryNode::PAD; 2]);
         open.extend([(children + 1, right), (children, left)]);
     }
-    nodes
 }
 
 /// Divides a range, or says that it should be a leaf.
@@ -227,7 +275,7 @@ fn divide_small<S: Simd>(
 
 /// Maps doubled centres to bins on all three axes at once.
 #[derive(Clone, Copy)]
-struct Binning {
+pub(super) struct Binning {
     offset: [f32; 4],
     scale: [f32; 4],
     bins: usize,

@@ -2,6 +2,7 @@
 pub(crate) mod binary;
 pub(crate) mod binned;
 pub(crate) mod boxes;
+pub(crate) mod spatial;
 pub(crate) mod triangles;
 pub(crate) mod watch;
 pub(crate) mod wide;
@@ -10,15 +11,33 @@ use fearless_simd::Level;
 
 use crate::isa::Isa;
 
+/// Which method builds the binary tree that is then collapsed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Builder {
+    /// Top down by the surface area heuristic over binned centres: good trees, quickly [Wald 2007].
+    #[default]
+    BinnedSah,
+    /// The same with spatial splits: triangles that straddle a plane may go to both sides. Several times slower to
+    /// build, faster to trace where triangles are long or large [Stich, Friedrich and Dietrich 2009].
+    SpatialSah,
+}
+
 /// How a tree is built. The defaults suit nearly everything.
 ///
 /// | field | unit | default | meaning |
 /// |---|---|---|---|
+/// | `builder` | – | [`Builder::BinnedSah`] | the method |
+/// | `spatial_budget` | triangles | 0.3 | references that spatial splits may add, per triangle |
 /// | `max_bins` | – | 32 | split candidates per axis; more is slower and slightly better |
 /// | `traversal_cost` | – | 0.8 | cost of a binary step, relative to … |
 /// | `intersection_cost` | – | 1.0 | … the cost of testing one block of 8 triangles |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BuildOptions {
+    /// The method.
+    pub builder: Builder,
+    /// How many references [`Builder::SpatialSah`] may add, relative to the number of triangles; clamped to 0..=4.
+    pub spatial_budget: f32,
     /// Split candidates per axis, clamped to 4..=32.
     pub max_bins: usize,
     /// Cost of a binary traversal step.
@@ -29,7 +48,21 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { max_bins: 32, traversal_cost: 0.8, intersection_cost: 1.0 }
+        Self {
+            builder: Builder::BinnedSah,
+            spatial_budget: 0.3,
+            max_bins: 32,
+            traversal_cost: 0.8,
+            intersection_cost: 1.0,
+        }
+    }
+}
+
+impl BuildOptions {
+    /// For geometry that stays: the slowest build, the fastest tree.
+    #[must_use]
+    pub fn quality() -> Self {
+        Self { builder: Builder::SpatialSah, ..Self::default() }
     }
 }
 

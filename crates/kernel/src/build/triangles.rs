@@ -105,6 +105,21 @@ pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
 }
 
+/// The corners of a triangle by its running number.
+pub(crate) fn corners(meshes: &[Mesh], starts: &[u32], id: u32) -> [Vec3; 3] {
+    let (mesh, triangle) = locate(starts, id);
+    let Mesh { positions, indices } = &meshes[mesh];
+    indices[triangle].map(|index| positions[index as usize])
+}
+
+/// Splits a running triangle number into (mesh, triangle of that mesh).
+#[inline(always)]
+pub(crate) fn locate(starts: &[u32], id: u32) -> (usize, usize) {
+    // Mostly there is one mesh: its start and the total.
+    let mesh = if starts.len() <= 2 { 0 } else { starts.partition_point(|&start| start <= id).max(1) - 1 };
+    (mesh, (id - starts.get(mesh).copied().unwrap_or(0)) as usize)
+}
+
 /// Packs the triangles of each range of `prims` into a block.
 pub(crate) fn blocks(
     meshes: &[Mesh],
@@ -132,9 +147,9 @@ fn pack(meshes: &[Mesh], starts: &[u32], prims: &[PackedBox]) -> Block {
     let mut triangles = [(&meshes[0].positions[..], [0; 3]); WIDTH];
     for (lane, prim) in prims.iter().enumerate().take(WIDTH) {
         let id = prim.id();
-        let mesh = if meshes.len() == 1 { 0 } else { starts.partition_point(|&start| start <= id) - 1 };
+        let (mesh, triangle) = locate(starts, id);
         let Mesh { positions, indices } = &meshes[mesh];
-        triangles[lane] = (positions, indices[(id - starts[mesh]) as usize]);
+        triangles[lane] = (positions, indices[triangle]);
         block.triangle[lane] = id;
     }
     for (lane, (positions, triangle)) in triangles.iter().enumerate().take(prims.len()) {

@@ -47,11 +47,15 @@ impl Rng {
 
 /// Options for every builder.
 pub(crate) fn all_builders() -> Vec<BuildOptions> {
-    vec![BuildOptions::default()]
+    vec![BuildOptions::default(), BuildOptions::quality()]
 }
 
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
-    let tree = TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes");
+    object_by(meshes, &BuildOptions::default())
+}
+
+pub(crate) fn object_by(meshes: &[Mesh], options: &BuildOptions) -> Arc<Object> {
+    let tree = TriangleBvh::build(meshes, options).expect("valid meshes");
     Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("no instances"))
 }
 
@@ -105,6 +109,13 @@ pub(crate) fn tiles(rng: &mut Rng, count: usize, scale: f32, center: Vec3) -> Ve
             tile
         })
         .collect()
+}
+
+/// [`check_all`] with the tree of each builder.
+pub(crate) fn check_builders(meshes: &[Mesh], rays: &[Ray], tiles: &[Tile], error: f64) {
+    for options in all_builders() {
+        check_all(&object_by(meshes, &options), rays, tiles, error);
+    }
 }
 
 /// Compares every query of `root` with the oracle, on every instruction set of this machine. `error` is the
