@@ -6,7 +6,7 @@ use crate::{
     build::{
         self, BuildOptions, Builder, TreeStats,
         binary::LeafRule,
-        binned, spatial, triangles,
+        binned, morton, spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
@@ -75,8 +75,15 @@ impl TriangleBvh {
         let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
         watch.stage(800);
         let triangles = prims.len();
+        let mut leaf_rule = rule;
+        let mut block_list = None;
         let binary = match options.builder {
             Builder::BinnedSah => binned::build(level, &mut prims, rule, options, &watch),
+            Builder::Morton => {
+                let (binary, list) = morton::build(level, &mut prims, options, &watch);
+                (leaf_rule, block_list) = (morton::RULE, Some(list));
+                binary
+            }
             Builder::SpatialSah => {
                 let budget = (triangles as f32 * options.spatial_budget.clamp(0.0, 4.0)) as usize;
                 let corners = |id| triangles::corners(meshes, &mesh_starts, id);
@@ -86,7 +93,11 @@ impl TriangleBvh {
         watch.check()?;
         let bounds = Aabb::new(binary[0].bounds().lo(), binary[0].bounds().hi());
         watch.stage(850);
-        let (tree, ranges) = wide::collapse(level, &binary, rule, options.intersection_cost, &watch);
+        let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
+        let ranges = match block_list {
+            Some(list) => ranges.iter().map(|&(block, _)| list[block as usize]).collect(),
+            None => ranges,
+        };
         watch.check()?;
         watch.stage(1000);
         let blocks = triangles::blocks(meshes, &mesh_starts, &prims, &ranges, &watch);
