@@ -1,12 +1,14 @@
 //! One tree over all triangles of an object.
 use std::fmt;
 
+use glam::{DVec3, Vec3};
+
 use crate::{
     aabb::Aabb,
     build::{
         self, BuildOptions, Builder, TreeStats,
         binary::LeafRule,
-        binned, morton, spatial, triangles,
+        binned, morton, refit, spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
@@ -30,6 +32,9 @@ pub struct TriangleBvh {
     mesh_starts: Vec<u32>,
     bounds: Aabb,
     triangles: usize,
+    /// What a block test costs beside a node visit.
+    block_cost: f32,
+    sah_at_build: f32,
 }
 
 impl fmt::Debug for TriangleBvh {
@@ -102,7 +107,38 @@ impl TriangleBvh {
         watch.stage(1000);
         let blocks = triangles::blocks(meshes, &mesh_starts, &prims, &ranges, &watch);
         watch.check()?;
-        Ok(Self { tree, blocks, mesh_starts, bounds, triangles })
+        let (block_cost, sah_at_build) = (options.intersection_cost, tree.sah);
+        Ok(Self { tree, blocks, mesh_starts, bounds, triangles, block_cost, sah_at_build })
+    }
+
+    /// Takes over new vertex positions: the same tree with new boxes, at a fraction of the time of a build. `meshes` are
+    /// those that the tree was built over with the same numbers of triangles; vertex indices may have changed too.
+    ///
+    /// Triangles that are now degenerate or not finite are not hit, and come back when they are whole again; those that
+    /// were skipped when the tree was built stay skipped. The tree fits worse the more the shape changes:
+    /// [`TreeStats::sah`] tells, and after spatial splits it starts out worse, as the parts' boxes are whole again. Gives
+    /// the same bits for any number of threads. Runs on the current rayon pool.
+    ///
+    /// # Errors
+    /// [`BuildError::MeshCountChanged`], [`BuildError::TriangleCountChanged`] and [`BuildError::IndexOutOfRange`]; the
+    /// tree is then as it was.
+    pub fn refit(&mut self, meshes: &[Mesh]) -> Result<(), BuildError> {
+        let (built, given) = (self.mesh_starts.len().saturating_sub(1), meshes.len());
+        if built != given {
+            return Err(BuildError::MeshCountChanged { built, given });
+        }
+        for (mesh, (starts, now)) in self.mesh_starts.windows(2).zip(meshes).enumerate() {
+            let (built, given) = ((starts[1] - starts[0]) as usize, now.indices.len());
+            if built != given {
+                return Err(BuildError::TriangleCountChanged { mesh, built, given });
+            }
+        }
+        triangles::number(meshes, &Watch::new(&()))?;
+        let level = build::level();
+        let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+        let bounds = refit::nodes(level, &mut self.tree, &blocks, self.block_cost);
+        self.bounds = if bounds.is_empty() { Aabb::EMPTY } else { Aabb::new(bounds.lo(), bounds.hi()) };
+        Ok(())
     }
 
     /// The box around all triangles that can be hit, object space.
@@ -120,6 +156,7 @@ impl TriangleBvh {
             leaves: self.tree.leaves,
             bytes: size_of_val(&self.tree.nodes[..]) + size_of_val(&self.blocks[..]),
             sah: self.tree.sah,
+            sah_at_build: self.sah_at_build,
         }
     }
 
@@ -153,10 +190,15 @@ impl TriangleBvh {
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
             lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
         };
-        let mut triangles: Vec<_> = self.blocks.iter().flat_map(of_block).collect();
+        let mut found: Vec<_> = self.blocks.iter().flat_map(of_block).collect();
+        // Those that a refit found degenerate are points.
+        found.retain(|(corners, _)| {
+            let [a, b, c] = corners.map(Vec3::from_array);
+            triangles::double_area_vector(a, b, c) != DVec3::ZERO
+        });
         // Spatial splits put a triangle into several blocks.
-        triangles.sort_unstable_by_key(|&(_, triangle)| triangle);
-        triangles.dedup_by_key(|&mut (_, triangle)| triangle);
-        triangles
+        found.sort_unstable_by_key(|&(_, triangle)| triangle);
+        found.dedup_by_key(|&mut (_, triangle)| triangle);
+        found
     }
 }

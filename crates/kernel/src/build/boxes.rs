@@ -49,6 +49,10 @@ impl PackedBox {
         -Vec3::new(self.0[4], self.0[5], self.0[6])
     }
 
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0[0] > -self.0[4]
+    }
+
     /// Half the surface area; infinite for an empty box.
     #[inline(always)]
     pub(crate) fn half_area(&self) -> f32 {

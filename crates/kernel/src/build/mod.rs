@@ -3,6 +3,7 @@ pub(crate) mod binary;
 pub(crate) mod binned;
 pub(crate) mod boxes;
 pub(crate) mod morton;
+pub(crate) mod refit;
 pub(crate) mod spatial;
 pub(crate) mod triangles;
 pub(crate) mod watch;
@@ -79,7 +80,7 @@ impl BuildOptions {
 /// What a finished tree looks like.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TreeStats {
-    /// Triangles that can be hit; those skipped as degenerate or not finite are not counted.
+    /// Triangles that could be hit when the tree was built; those skipped as degenerate or not finite are not counted.
     pub triangles: usize,
     /// Inner nodes, 8 children wide.
     pub nodes: usize,
@@ -89,6 +90,9 @@ pub struct TreeStats {
     pub bytes: usize,
     /// Expected cost of a random ray: node visits plus block tests, by the surface area heuristic.
     pub sah: f32,
+    /// The same when the tree was built: how far [`TreeStats::sah`] lies above it tells when to rebuild instead of
+    /// refitting.
+    pub sah_at_build: f32,
 }
 
 /// The instruction set that builders run on: the one that `HELIOSTAT_ISA` forces, otherwise the best. It makes no

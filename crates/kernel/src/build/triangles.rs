@@ -14,6 +14,8 @@ use crate::{
 
 /// Triangles per task, and between two looks at the watch.
 const CHUNK: usize = 1 << 13;
+/// Blocks whose vertices are read together.
+pub(super) const BATCH: usize = 16;
 /// The number of a triangle that can never be hit.
 const SKIPPED: u32 = u32::MAX;
 
@@ -129,34 +131,46 @@ pub(crate) fn blocks(
     watch: &Watch<'_>,
 ) -> Vec<Block> {
     watch.expect(ranges.len() as u64);
-    let one = |(i, &(begin, count)): (usize, &BlockRange)| {
-        if i % 1024 == 1023 && !watch.stopped() {
-            watch.advance(1024);
+    // Memory is touched for the first time by all threads.
+    let mut blocks: Vec<Block> = (0..ranges.len()).into_par_iter().map(|_| Block::EMPTY).collect();
+    let parts = blocks.par_chunks_mut(BATCH).zip(ranges.par_chunks(BATCH)).with_min_len(16);
+    parts.enumerate().for_each(|(i, (blocks, ranges))| {
+        if i % 64 == 63 && !watch.stopped() {
+            watch.advance(64 * BATCH as u64);
         }
         if watch.halted() {
-            return Block::EMPTY;
+            return;
         }
-        pack(meshes, starts, &prims[begin as usize..(begin + count) as usize])
-    };
-    ranges.par_iter().enumerate().with_min_len(256).map(one).collect()
+        for (block, &(begin, count)) in blocks.iter_mut().zip(ranges) {
+            let range = begin as usize..(begin + count) as usize;
+            for (id, prim) in block.triangle.iter_mut().zip(&prims[range]) {
+                *id = prim.id();
+            }
+        }
+        gather(meshes, starts, blocks);
+    });
+    blocks
 }
 
-fn pack(meshes: &[Mesh], starts: &[u32], prims: &[PackedBox]) -> Block {
-    let mut block = Block::EMPTY;
-    // Indices first, then positions: the loads of each loop wait for memory together.
-    let mut triangles = [(&meshes[0].positions[..], [0; 3]); WIDTH];
-    for (lane, prim) in prims.iter().enumerate().take(WIDTH) {
-        let id = prim.id();
-        let (mesh, triangle) = locate(starts, id);
-        let Mesh { positions, indices } = &meshes[mesh];
-        triangles[lane] = (positions, indices[triangle]);
-        block.triangle[lane] = id;
-    }
-    for (lane, (positions, triangle)) in triangles.iter().enumerate().take(prims.len()) {
-        for (vertex, &index) in block.vertex.iter_mut().zip(triangle) {
-            let p = positions[index as usize];
-            [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
+/// Reads the vertices of a few blocks from the meshes. Vertex indices come first and then the positions: in each of the
+/// loops, many loads wait for memory together.
+pub(super) fn gather(meshes: &[Mesh], starts: &[u32], blocks: &mut [Block]) {
+    let mut triangles = [[(0, [0; 3]); WIDTH]; BATCH];
+    for (block, triangles) in blocks.iter().zip(&mut triangles) {
+        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
+        for (&id, into) in used.zip(triangles) {
+            let (mesh, triangle) = locate(starts, id);
+            *into = (mesh, meshes[mesh].indices[triangle]);
         }
     }
-    block
+    for (block, triangles) in blocks.iter_mut().zip(&triangles) {
+        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
+        for (lane, (_, &(mesh, triangle))) in used.zip(triangles).enumerate() {
+            let positions = &meshes[mesh].positions;
+            for (vertex, index) in block.vertex.iter_mut().zip(triangle) {
+                let p = positions[index as usize];
+                [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
+            }
+        }
+    }
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{
     binary::{BinaryNode, Content, LeafRule},
+    boxes::PackedBox,
     watch::Watch,
 };
 use crate::layout::{Child, Node, WIDTH};
@@ -20,6 +21,9 @@ pub(crate) struct WideTree {
     /// Largest coordinate magnitude per axis: the scale of rounding errors in box tests.
     pub extent: [f32; 3],
     pub leaves: usize,
+    /// Where runs of nodes begin that refer to nothing outside but blocks, and the number of nodes. The first run is
+    /// the top, which refers to the first nodes of the others. In each, children come behind their parents.
+    pub parts: Vec<u32>,
     /// SAH cost relative to the root's area: node visits plus leaf costs.
     pub sah: f32,
 }
@@ -97,7 +101,7 @@ impl Collapse<'_> {
             let mut node = Node::EMPTY;
             for (lane, &member) in members[..count].iter().enumerate() {
                 let child = &self.binary[member as usize];
-                set_bounds(&mut node, lane, child);
+                set_bounds(&mut node, lane, child.bounds());
                 node.child[lane] = match child.content() {
                     Content::Inner { count, .. } if count <= self.cut => {
                         part.apart.push(member);
@@ -164,12 +168,18 @@ impl Collapse<'_> {
     }
 }
 
+/// Stores a child's box. An empty one must stay finite, as [`Node::EMPTY`] says.
 #[inline(always)]
-fn set_bounds(node: &mut Node, lane: usize, child: &BinaryNode) {
-    let b = &child.bounds().0;
+pub(super) fn set_bounds(node: &mut Node, lane: usize, child: &PackedBox) {
+    if child.is_empty() {
+        for (row, nowhere) in node.bounds.iter_mut().zip(&Node::EMPTY.bounds) {
+            row[lane] = nowhere[lane];
+        }
+        return;
+    }
     for axis in 0..3 {
-        node.bounds[axis][lane] = b[axis];
-        node.bounds[axis + 3][lane] = -b[axis + 4];
+        node.bounds[axis][lane] = child.0[axis];
+        node.bounds[axis + 3][lane] = -child.0[axis + 4];
     }
 }
 
@@ -200,6 +210,7 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
     let tree = WideTree {
         nodes: (0..total).into_par_iter().with_min_len(1024).map(moved).collect(),
         extent,
+        parts: node_starts.iter().map(|&start| start as u32).collect(),
         leaves: parts.iter().map(|part| part.leaves).sum(),
         sah: (parts.iter().map(|part| part.cost).sum::<f64>() * scale) as f32,
     };
@@ -208,7 +219,7 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
 
 /// For each sign octant the lanes from near to far, by the centre's distance along the octant's diagonal.
 #[inline(always)]
-fn child_order<S: Simd>(simd: S, node: &Node, count: usize) -> [u32; WIDTH] {
+pub(super) fn child_order<S: Simd>(simd: S, node: &Node, count: usize) -> [u32; WIDTH] {
     let [x, y, z] =
         [doubled_centers(simd, node, 0), doubled_centers(simd, node, 1), doubled_centers(simd, node, 2)];
     let lanes = i32x8::load_array(simd, [0, 1, 2, 3, 4, 5, 6, 7]);

@@ -47,7 +47,7 @@ impl Rng {
 
 /// Options for every builder.
 pub(crate) fn all_builders() -> Vec<BuildOptions> {
-    vec![BuildOptions::default(), BuildOptions::quality()]
+    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast()]
 }
 
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
