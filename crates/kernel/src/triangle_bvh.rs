@@ -184,6 +184,12 @@ impl TriangleBvh {
         (mesh as u32, triangle as u32)
     }
 
+    /// Triangles of mesh `geometry`.
+    pub(crate) fn mesh_len(&self, geometry: u32) -> u32 {
+        let at = |i: usize| self.mesh_starts.get(i).copied().unwrap_or(0);
+        at(geometry as usize + 1) - at(geometry as usize)
+    }
+
     /// Every triangle that can be hit, once: corners and running number.
     pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
         let of_block = |block: &Block| {

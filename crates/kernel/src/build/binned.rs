@@ -365,10 +365,10 @@ impl Bins {
         }
         (sides, counts) = ([empty; 3], i32x4::splat(simd, 0));
         let (mut best, mut best_bin) = (f32x4::splat(simd, f32::INFINITY), i32x4::splat(simd, 0));
-        for bin in 1..bins.min(MAX_BINS) {
+        for (bin, right_cost) in right_costs.iter().enumerate().take(bins).skip(1) {
             self.add(simd, bin - 1, &mut sides, &mut counts);
             // An empty side costs 0 · ∞, and NaN is never better.
-            let cost = costs(simd, &sides, counts, rule) + f32x4::load_array(simd, right_costs[bin]);
+            let cost = costs(simd, &sides, counts, rule) + f32x4::load_array_ref(simd, right_cost);
             let better = cost.simd_lt(best);
             best = better.select(cost, best);
             best_bin = better.select(i32x4::splat(simd, bin as i32), best_bin);

@@ -400,10 +400,9 @@ impl Bins {
         let mut best = best;
         let (mut left, mut left_count) = (PackedBox::EMPTY, 0);
         let blocks = |count: u32| rule.blocks(count as usize) as f32;
-        for bin in 1..BINS {
+        for (bin, &(right, right_count)) in rights.iter().enumerate().skip(1) {
             left = left.union(&self.0[axis][bin - 1].bounds);
             left_count += self.0[axis][bin - 1].entries;
-            let (right, right_count) = rights[bin];
             // An empty side costs 0 · ∞, and NaN is never better.
             let cost = left.half_area() * blocks(left_count) + right.half_area() * blocks(right_count);
             if cost < best.map_or(f32::INFINITY, |best| best.cost) {
