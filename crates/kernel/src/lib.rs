@@ -10,6 +10,7 @@
 
 mod aabb;
 mod build;
+mod compact;
 mod error;
 mod isa;
 mod layout;
@@ -25,7 +26,7 @@ mod triangle_bvh;
 mod world;
 
 pub use aabb::Aabb;
-pub use build::{BuildOptions, Builder, TreeStats, watch::BuildProgress};
+pub use build::{BuildOptions, Builder, Layout, TreeStats, watch::BuildProgress};
 pub use error::{BuildError, IsaError};
 pub use glam;
 pub use isa::Isa;

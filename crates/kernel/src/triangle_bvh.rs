@@ -1,17 +1,20 @@
 //! One tree over all triangles of an object.
 use std::fmt;
 
+use fearless_simd::Fallback;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::{
     aabb::Aabb,
     build::{
-        self, BuildOptions, Builder, TreeStats,
+        self, BuildOptions, Builder, Layout, TreeStats,
         binary::LeafRule,
         binned, morton, refit, spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
+    compact::{CompactBlock, CompactBlocks},
     error::BuildError,
     layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
     mesh::Mesh,
@@ -22,12 +25,16 @@ pub(crate) const MAX_COORDINATE: f32 = 1.0e10;
 
 /// An 8-wide bounding volume hierarchy over the triangles of one or more meshes, in object space.
 ///
-/// The tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be dropped.
+/// In the full layout the tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be
+/// dropped; in the compact one it shares their arrays.
 /// Building the same meshes gives the same bits for any number of threads.
 #[derive(Default)]
 pub struct TriangleBvh {
     pub(crate) tree: WideTree,
-    pub(crate) blocks: Vec<Block>,
+    /// All blocks in the full layout; none in the compact one.
+    blocks: Vec<Block>,
+    /// All blocks in the compact layout; none in the full one.
+    compact: CompactBlocks,
     /// First running triangle number of each mesh, and the total at the end.
     mesh_starts: Vec<u32>,
     bounds: Aabb,
@@ -105,10 +112,27 @@ impl TriangleBvh {
         };
         watch.check()?;
         watch.stage(1000);
-        let blocks = triangles::blocks(meshes, &mesh_starts, &prims, &ranges, &watch);
+        let mut bvh = Self {
+            block_cost: options.intersection_cost,
+            sah_at_build: tree.sah,
+            tree,
+            mesh_starts,
+            bounds,
+            triangles,
+            ..Self::default()
+        };
+        match options.layout {
+            Layout::Full => bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &prims, &ranges, &watch),
+            Layout::Compact => {
+                bvh.tree.compress();
+                let blocks =
+                    ranges.par_iter().map(|range| CompactBlock::new(&triangles::numbers(&prims, range)));
+                bvh.compact = CompactBlocks { blocks: blocks.collect(), meshes: meshes.to_vec() };
+            }
+        }
         watch.check()?;
-        let (block_cost, sah_at_build) = (options.intersection_cost, tree.sah);
-        Ok(Self { tree, blocks, mesh_starts, bounds, triangles, block_cost, sah_at_build })
+        watch.finish();
+        Ok(bvh)
     }
 
     /// Takes over new vertex positions: the same tree with new boxes, at a fraction of the time of a build. `meshes` are
@@ -135,8 +159,17 @@ impl TriangleBvh {
         }
         triangles::number(meshes, &Watch::new(&()))?;
         let level = build::level();
-        let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
-        let bounds = refit::nodes(level, &mut self.tree, &blocks, self.block_cost);
+        let bounds = if self.tree.compact.is_empty() {
+            let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+            refit::nodes(level, &mut self.tree, &blocks, self.block_cost)
+        } else {
+            let blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
+            self.compact.meshes = meshes.to_vec();
+            self.tree.expand();
+            let bounds = refit::nodes(level, &mut self.tree, &blocks, self.block_cost);
+            self.tree.compress();
+            bounds
+        };
         self.bounds = if bounds.is_empty() { Aabb::EMPTY } else { Aabb::new(bounds.lo(), bounds.hi()) };
         Ok(())
     }
@@ -152,9 +185,12 @@ impl TriangleBvh {
     pub fn stats(&self) -> TreeStats {
         TreeStats {
             triangles: self.triangles,
-            nodes: self.tree.nodes.len(),
+            nodes: self.tree.len(),
             leaves: self.tree.leaves,
-            bytes: size_of_val(&self.tree.nodes[..]) + size_of_val(&self.blocks[..]),
+            bytes: size_of_val(&self.tree.nodes[..])
+                + size_of_val(&self.tree.compact[..])
+                + size_of_val(&self.blocks[..])
+                + size_of_val(&self.compact.blocks[..]),
             sah: self.tree.sah,
             sah_at_build: self.sah_at_build,
         }
@@ -166,16 +202,40 @@ impl TriangleBvh {
     pub fn fingerprint(&self) -> u64 {
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
         let mut eat = |word: u32| hash = (hash ^ u64::from(word)).wrapping_mul(0x0000_0100_0000_01b3);
-        for Node { bounds, child, order } in &self.tree.nodes {
+        for index in 0..self.tree.len() {
+            let mut place = None;
+            let Node { bounds, child, order } = self.tree.node(Fallback::new(), index, &mut place);
             bounds.iter().flatten().for_each(|x| eat(x.to_bits()));
             child.iter().for_each(|c| eat(c.0));
             order.iter().for_each(|&o| eat(o));
         }
-        for block in &self.blocks {
+        for index in 0..self.block_count() {
+            let mut place = None;
+            let block = self.block(index, &mut place);
             block.vertex.iter().flatten().flatten().for_each(|x| eat(x.to_bits()));
             block.triangle.iter().for_each(|&t| eat(t));
         }
         hash
+    }
+
+    /// Block `index` in full: where it is stored, or decoded in `place`. In the full layout this costs as much as the
+    /// bounds check of an index.
+    #[inline(always)]
+    pub(crate) fn block<'a>(&'a self, index: usize, place: &'a mut Option<Block>) -> &'a Block {
+        match self.blocks.get(index) {
+            Some(block) => block,
+            None => place.insert(self.compact.decode(&self.mesh_starts, index)),
+        }
+    }
+
+    /// The blocks of the full layout, for those who look ahead; none in the compact one.
+    #[inline(always)]
+    pub(crate) fn full_blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    fn block_count(&self) -> usize {
+        self.blocks.len() + self.compact.blocks.len()
     }
 
     /// Splits a running triangle number into (mesh, triangle of that mesh).
@@ -192,11 +252,13 @@ impl TriangleBvh {
 
     /// Every triangle that can be hit, once: corners and running number.
     pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
-        let of_block = |block: &Block| {
+        let of_block = |index: usize| {
+            let mut place = None;
+            let block = self.block(index, &mut place);
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
             lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
         };
-        let mut found: Vec<_> = self.blocks.iter().flat_map(of_block).collect();
+        let mut found: Vec<_> = (0..self.block_count()).flat_map(of_block).collect();
         // Those that a refit found degenerate are points.
         found.retain(|(corners, _)| {
             let [a, b, c] = corners.map(Vec3::from_array);

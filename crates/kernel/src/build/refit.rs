@@ -9,6 +9,7 @@ use super::{
     wide::{WideTree, child_order, set_bounds},
 };
 use crate::{
+    compact::CompactBlock,
     layout::{Block, Child, Node, WIDTH},
     mesh::Mesh,
     triangle_bvh::MAX_COORDINATE,
@@ -26,6 +27,32 @@ pub(crate) fn blocks(level: Level, meshes: &[Mesh], starts: &[u32], blocks: &mut
         for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
             gather(meshes, starts, blocks);
             dispatch!(level, simd => settle(simd, blocks, bounds));
+        }
+    });
+    bounds
+}
+
+/// As [`blocks`], for blocks that hold no vertices.
+pub(crate) fn compact_blocks(
+    level: Level,
+    meshes: &[Mesh],
+    starts: &[u32],
+    blocks: &mut [CompactBlock],
+) -> Vec<PackedBox> {
+    let mut bounds = vec![PackedBox::EMPTY; blocks.len()];
+    let chunks = blocks.par_chunks_mut(CHUNK).zip(bounds.par_chunks_mut(CHUNK));
+    chunks.for_each(|(blocks, bounds)| {
+        for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
+            let mut full = [Block::EMPTY; BATCH];
+            let full = &mut full[..blocks.len()];
+            for (full, block) in full.iter_mut().zip(&*blocks) {
+                full.triangle = block.triangles();
+            }
+            gather(meshes, starts, full);
+            dispatch!(level, simd => settle(simd, full, bounds));
+            for (full, block) in full.iter().zip(blocks) {
+                block.hide_points(full);
+            }
         }
     });
     bounds

@@ -142,14 +142,20 @@ pub(crate) fn blocks(
             return;
         }
         for (block, &(begin, count)) in blocks.iter_mut().zip(ranges) {
-            let range = begin as usize..(begin + count) as usize;
-            for (id, prim) in block.triangle.iter_mut().zip(&prims[range]) {
-                *id = prim.id();
-            }
+            block.triangle = numbers(prims, &(begin, count));
         }
         gather(meshes, starts, blocks);
     });
     blocks
+}
+
+/// The numbers of the triangles of a block.
+pub(crate) fn numbers(prims: &[PackedBox], &(begin, count): &BlockRange) -> [u32; WIDTH] {
+    let mut numbers = [Block::NO_TRIANGLE; WIDTH];
+    for (number, prim) in numbers.iter_mut().zip(&prims[begin as usize..(begin + count) as usize]) {
+        *number = prim.id();
+    }
+    numbers
 }
 
 /// Reads the vertices of a few blocks from the meshes. Vertex indices come first and then the positions: in each of the

@@ -92,6 +92,11 @@ impl<'a> Watch<'a> {
         stopped
     }
 
+    /// All is done.
+    pub(crate) fn finish(&self) {
+        self.advance(self.expected.load(Ordering::Relaxed));
+    }
+
     /// # Errors
     /// [`BuildError::Cancelled`] once the work is stopped.
     pub(crate) fn check(&self) -> Result<(), BuildError> {

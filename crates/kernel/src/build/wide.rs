@@ -9,7 +9,10 @@ use super::{
     boxes::PackedBox,
     watch::Watch,
 };
-use crate::layout::{Child, Node, WIDTH};
+use crate::{
+    compact::{CompactNode, decode_node},
+    layout::{Child, Node, WIDTH},
+};
 
 /// A subtree with no more references than this, or than 1/64 of the whole, is collapsed by one thread.
 const TASK: u32 = 1 << 13;
@@ -17,7 +20,10 @@ const TASK: u32 = 1 << 13;
 /// A finished 8-wide tree. The root is node 0; no nodes means nothing to hit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WideTree {
+    /// All nodes in the full layout; none in the compact one.
     pub nodes: Vec<Node>,
+    /// All nodes in the compact layout; none in the full one.
+    pub compact: Vec<CompactNode>,
     /// Largest coordinate magnitude per axis: the scale of rounding errors in box tests.
     pub extent: [f32; 3],
     pub leaves: usize,
@@ -26,6 +32,42 @@ pub(crate) struct WideTree {
     pub parts: Vec<u32>,
     /// SAH cost relative to the root's area: node visits plus leaf costs.
     pub sah: f32,
+}
+
+impl WideTree {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of nodes.
+    pub(crate) fn len(&self) -> usize {
+        self.nodes.len() + self.compact.len()
+    }
+
+    /// Node `index` in full: where it is stored, or decoded in `place`. In the full layout this costs as much as the
+    /// bounds check of an index.
+    #[inline(always)]
+    pub(crate) fn node<'a, S: Simd>(
+        &'a self,
+        simd: S,
+        index: usize,
+        place: &'a mut Option<Node>,
+    ) -> &'a Node {
+        match self.nodes.get(index) {
+            Some(node) => node,
+            None => place.insert(decode_node(simd, &self.compact, index)),
+        }
+    }
+
+    /// Changes to the compact layout.
+    pub(crate) fn compress(&mut self) {
+        self.compact = std::mem::take(&mut self.nodes).par_iter().map(CompactNode::encode).collect();
+    }
+
+    /// Changes to the full layout.
+    pub(crate) fn expand(&mut self) {
+        self.nodes = std::mem::take(&mut self.compact).par_iter().map(CompactNode::decode).collect();
+    }
 }
 
 /// First reference and number of references of a block.
@@ -209,6 +251,7 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
     let scale = if root_area > 0.0 && root_area.is_finite() { 1.0 / f64::from(root_area) } else { 0.0 };
     let tree = WideTree {
         nodes: (0..total).into_par_iter().with_min_len(1024).map(moved).collect(),
+        compact: Vec::new(),
         extent,
         parts: node_starts.iter().map(|&start| start as u32).collect(),
         leaves: parts.iter().map(|part| part.leaves).sum(),

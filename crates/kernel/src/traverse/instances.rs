@@ -24,7 +24,8 @@ pub(super) fn closest<S: Simd>(
     if let Some(bvh) = &object.triangles
         && let Some(best) = single::closest(simd, bvh, ray, hit.t, stack)
     {
-        let block = &bvh.blocks[best.block];
+        let mut place = None;
+        let block = bvh.block(best.block, &mut place);
         let exact = finish::exact(ray, block.corners(best.lane), best.t, hit.t);
         let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
         *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };

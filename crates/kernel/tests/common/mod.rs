@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Isa, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World, glam::Vec3,
+    BuildOptions, Hit, Isa, Layout, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World, glam::Vec3,
 };
 
 /// Rounds of a randomised hunt: `default` in a normal run, more on demand through `HELIOSTAT_HUNT`.
@@ -45,9 +45,10 @@ impl Rng {
     }
 }
 
-/// Options for every builder.
+/// Options for every builder, and for every layout.
 pub(crate) fn all_builders() -> Vec<BuildOptions> {
-    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast()]
+    let compact = BuildOptions { layout: Layout::Compact, ..BuildOptions::default() };
+    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast(), compact]
 }
 
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
