@@ -1,11 +1,12 @@
 //! Measures the kernel on a generated room of about 280,000 triangles: build and ray rates of one thread.
 //!
-//! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so.
+//! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so,
+//! `BUILD=quality`, `fast` or `compact` measures another tree.
 #![allow(clippy::print_stdout, reason = "a measuring program speaks on stdout")]
 use std::{error::Error, f32::consts::TAU, hint::black_box, sync::Arc, time::Instant};
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
+    BuildOptions, Hit, Instance, Isa, Layout, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
     glam::{Affine3A, Quat, Vec3},
 };
 
@@ -15,13 +16,19 @@ const TILE: usize = 16;
 fn main() -> Result<(), Box<dyn Error>> {
     let mesh = room();
     let count = mesh.indices.len();
+    let options = match std::env::var("BUILD").as_deref() {
+        Ok("quality") => BuildOptions::quality(),
+        Ok("fast") => BuildOptions::fast(),
+        Ok("compact") => BuildOptions { layout: Layout::Compact, ..BuildOptions::default() },
+        _ => BuildOptions::default(),
+    };
     let mut best = f64::INFINITY;
     for _ in 0..5 {
         let start = Instant::now();
-        black_box(TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default())?);
+        black_box(TriangleBvh::build(std::slice::from_ref(&mesh), &options)?);
         best = best.min(start.elapsed().as_secs_f64());
     }
-    let tree = Arc::new(TriangleBvh::build(&[mesh], &BuildOptions::default())?);
+    let tree = Arc::new(TriangleBvh::build(&[mesh], &options)?);
     println!("triangles {count}, build {:.0} ms, {:.2} Mtri/s", best * 1e3, count as f64 / best * 1e-6);
     println!("{:?}", tree.stats());
 

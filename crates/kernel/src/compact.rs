@@ -4,7 +4,8 @@
 //! bound is a whole number of steps from the node's corner, and it is chosen by decoding it, so that no rounding can
 //! have moved it inwards [after Ylitie, Karras and Laine 2017, "Efficient incoherent ray traversal on GPUs through
 //! compressed wide BVHs"]. Vertices are read from the meshes, bit for bit, so hits are the same in both layouts.
-use fearless_simd::Simd;
+use fearless_simd::{Fallback, Simd, f32x8, i32x8, prelude::*, u8x16, u32x8};
+use glam::Vec3;
 
 use crate::{
     build::triangles::locate,
@@ -69,17 +70,33 @@ impl CompactNode {
         compact
     }
 
+    /// The node in full, built in `place`.
     #[inline(always)]
-    pub(crate) fn decode(&self) -> Node {
-        let mut node = Node { child: self.child, order: self.order, ..Node::EMPTY };
-        for (row, (bounds, steps)) in node.bounds.iter_mut().zip(&self.bounds).enumerate() {
-            let (origin, step) = (self.origin[row % 3], step(self.exponents[row % 3]));
-            for (lane, (bound, &steps)) in bounds.iter_mut().zip(steps).enumerate() {
-                // Empty lanes keep the box that is never met.
-                *bound = if self.child[lane] == Child::NONE { *bound } else { at(origin, step, steps) };
+    fn decode<'a, S: Simd>(&self, simd: S, place: &'a mut Option<Node>) -> &'a Node {
+        let node = place.insert(Node::EMPTY);
+        (node.child, node.order) = (self.child, self.order);
+        // Empty lanes keep the box that is never met.
+        let used = u32x8::load_array(simd, self.child.map(|child| child.0))
+            .simd_ne(u32x8::splat(simd, Child::NONE.0));
+        let (pairs, _) = self.bounds.as_flattened().as_chunks::<{ 2 * WIDTH }>();
+        for (pair, steps) in pairs.iter().enumerate() {
+            let (even, odd) = u8x16::load_array_ref(simd, steps).widen();
+            for (row, steps) in [(2 * pair, even), (2 * pair + 1, odd)] {
+                let (low, high) = steps.widen();
+                let steps: i32x8<S> = low.combine(high).bitcast();
+                let steps: f32x8<S> = f32x8::float_from(steps);
+                let (origin, step) = (self.origin[row % 3], step(self.exponents[row % 3]));
+                let bounds = f32x8::splat(simd, origin) + steps * f32x8::splat(simd, step);
+                let empty = f32x8::load_array_ref(simd, &Node::EMPTY.bounds[row]);
+                used.select(bounds, empty).store_array(&mut node.bounds[row]);
             }
         }
         node
+    }
+
+    /// The node in full, for those who do not hurry.
+    pub(crate) fn expand(&self) -> Node {
+        *self.decode(Fallback::new(), &mut None)
     }
 }
 
@@ -145,41 +162,89 @@ impl CompactBlock {
         }
     }
 
+    /// The block in full, built in `place`.
     #[inline(always)]
-    fn decode(&self, meshes: &[Mesh], starts: &[u32]) -> Block {
-        let mut block = Block::EMPTY;
+    fn decode<'a>(&self, meshes: &[Mesh], starts: &[u32], place: &'a mut Option<Block>) -> &'a Block {
+        let block = place.insert(Block::EMPTY);
+        let mut corners = [[Vec3::ZERO; WIDTH]; 3];
         for (lane, &id) in self.0.iter().enumerate() {
-            if id & Self::HIDDEN != 0 {
-                continue;
+            if id & Self::HIDDEN == 0 {
+                block.triangle[lane] = id;
+                let (mesh, triangle) = locate(starts, id);
+                let Mesh { positions, indices } = &meshes[mesh];
+                for (corner, index) in corners.iter_mut().zip(indices[triangle]) {
+                    corner[lane] = positions[index as usize];
+                }
             }
-            block.triangle[lane] = id;
-            let (mesh, triangle) = locate(starts, id);
-            let Mesh { positions, indices } = &meshes[mesh];
-            for (vertex, index) in block.vertex.iter_mut().zip(indices[triangle]) {
-                let p = positions[index as usize];
-                [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
+        }
+        for (vertex, corner) in block.vertex.iter_mut().zip(&corners) {
+            for (axis, row) in vertex.iter_mut().enumerate() {
+                for (value, p) in row.iter_mut().zip(corner) {
+                    *value = p[axis];
+                }
             }
         }
         block
     }
 }
 
-impl CompactBlocks {
-    /// Block `index` in full. A call, so that the code around it stays as small as for the full layout.
-    #[inline(never)]
-    pub(crate) fn decode(&self, starts: &[u32], index: usize) -> Block {
-        self.blocks[index].decode(&self.meshes, starts)
+/// The nodes of a tree in either layout.
+#[derive(Clone, Copy)]
+pub(crate) struct Nodes<'a> {
+    pub full: &'a [Node],
+    pub compact: &'a [CompactNode],
+}
+
+impl<'a> Nodes<'a> {
+    /// Node `index` in full: where it is stored, or decoded in `place`. In the full layout this costs as much as the
+    /// bounds check of an index.
+    #[inline(always)]
+    pub(crate) fn get<S: Simd>(self, simd: S, index: usize, place: &'a mut Option<Node>) -> &'a Node {
+        match self.full.get(index) {
+            Some(node) => node,
+            None => decode_node(simd, &self.compact[index], place),
+        }
     }
 }
 
-/// Node `index` in full. A call, as [`CompactBlocks::decode`].
+/// A call, so that the code around it stays as for the full layout.
 #[inline(never)]
-pub(crate) fn decode_node<S: Simd>(simd: S, nodes: &[CompactNode], index: usize) -> Node {
-    let node = &nodes[index];
+fn decode_node<'a, S: Simd>(simd: S, node: &CompactNode, place: &'a mut Option<Node>) -> &'a Node {
     simd.vectorize(
         #[inline(always)]
-        || node.decode(),
+        || node.decode(simd, place),
     )
+}
+
+/// The blocks of a tree in either layout.
+#[derive(Clone, Copy)]
+pub(crate) struct Blocks<'a> {
+    pub full: &'a [Block],
+    pub compact: &'a CompactBlocks,
+    /// First running triangle number of each mesh, and the total at the end.
+    pub mesh_starts: &'a [u32],
+}
+
+impl<'a> Blocks<'a> {
+    /// Block `index` in full, as [`Nodes::get`].
+    #[inline(always)]
+    pub(crate) fn get(self, index: usize, place: &'a mut Option<Block>) -> &'a Block {
+        match self.full.get(index) {
+            Some(block) => block,
+            None => decode_block(self.compact, self.mesh_starts, index, place),
+        }
+    }
+}
+
+/// A call, as [`decode_node`].
+#[inline(never)]
+fn decode_block<'a>(
+    compact: &CompactBlocks,
+    starts: &[u32],
+    index: usize,
+    place: &'a mut Option<Block>,
+) -> &'a Block {
+    compact.blocks[index].decode(&compact.meshes, starts, place)
 }
 
 #[cfg(test)]
@@ -206,7 +271,7 @@ mod tests {
                     (node.bounds[axis][lane], node.bounds[axis + 3][lane]) = (low, low + extent);
                 }
             }
-            let decoded = CompactNode::encode(&node).decode();
+            let decoded = CompactNode::encode(&node).expand();
             assert_eq!((decoded.child, decoded.order), (node.child, node.order));
             for axis in 0..3 {
                 for lane in 0..used {

@@ -14,7 +14,7 @@ use crate::{
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
-    compact::{CompactBlock, CompactBlocks},
+    compact::{Blocks, CompactBlock, CompactBlocks},
     error::BuildError,
     layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
     mesh::Mesh,
@@ -204,34 +204,24 @@ impl TriangleBvh {
         let mut eat = |word: u32| hash = (hash ^ u64::from(word)).wrapping_mul(0x0000_0100_0000_01b3);
         for index in 0..self.tree.len() {
             let mut place = None;
-            let Node { bounds, child, order } = self.tree.node(Fallback::new(), index, &mut place);
+            let Node { bounds, child, order } = self.tree.view().get(Fallback::new(), index, &mut place);
             bounds.iter().flatten().for_each(|x| eat(x.to_bits()));
             child.iter().for_each(|c| eat(c.0));
             order.iter().for_each(|&o| eat(o));
         }
         for index in 0..self.block_count() {
             let mut place = None;
-            let block = self.block(index, &mut place);
+            let block = self.blocks().get(index, &mut place);
             block.vertex.iter().flatten().flatten().for_each(|x| eat(x.to_bits()));
             block.triangle.iter().for_each(|&t| eat(t));
         }
         hash
     }
 
-    /// Block `index` in full: where it is stored, or decoded in `place`. In the full layout this costs as much as the
-    /// bounds check of an index.
+    /// The blocks of either layout, for a traversal to hold on to.
     #[inline(always)]
-    pub(crate) fn block<'a>(&'a self, index: usize, place: &'a mut Option<Block>) -> &'a Block {
-        match self.blocks.get(index) {
-            Some(block) => block,
-            None => place.insert(self.compact.decode(&self.mesh_starts, index)),
-        }
-    }
-
-    /// The blocks of the full layout, for those who look ahead; none in the compact one.
-    #[inline(always)]
-    pub(crate) fn full_blocks(&self) -> &[Block] {
-        &self.blocks
+    pub(crate) fn blocks(&self) -> Blocks<'_> {
+        Blocks { full: &self.blocks, compact: &self.compact, mesh_starts: &self.mesh_starts }
     }
 
     fn block_count(&self) -> usize {
@@ -254,7 +244,7 @@ impl TriangleBvh {
     pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
         let of_block = |index: usize| {
             let mut place = None;
-            let block = self.block(index, &mut place);
+            let block = self.blocks().get(index, &mut place);
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
             lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
         };

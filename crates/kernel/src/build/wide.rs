@@ -10,7 +10,7 @@ use super::{
     watch::Watch,
 };
 use crate::{
-    compact::{CompactNode, decode_node},
+    compact::{CompactNode, Nodes},
     layout::{Child, Node, WIDTH},
 };
 
@@ -44,19 +44,10 @@ impl WideTree {
         self.nodes.len() + self.compact.len()
     }
 
-    /// Node `index` in full: where it is stored, or decoded in `place`. In the full layout this costs as much as the
-    /// bounds check of an index.
+    /// The nodes of either layout, for a traversal to hold on to.
     #[inline(always)]
-    pub(crate) fn node<'a, S: Simd>(
-        &'a self,
-        simd: S,
-        index: usize,
-        place: &'a mut Option<Node>,
-    ) -> &'a Node {
-        match self.nodes.get(index) {
-            Some(node) => node,
-            None => place.insert(decode_node(simd, &self.compact, index)),
-        }
+    pub(crate) fn view(&self) -> Nodes<'_> {
+        Nodes { full: &self.nodes, compact: &self.compact }
     }
 
     /// Changes to the compact layout.
@@ -66,7 +57,7 @@ impl WideTree {
 
     /// Changes to the full layout.
     pub(crate) fn expand(&mut self) {
-        self.nodes = std::mem::take(&mut self.compact).par_iter().map(CompactNode::decode).collect();
+        self.nodes = std::mem::take(&mut self.compact).par_iter().map(CompactNode::expand).collect();
     }
 }
 

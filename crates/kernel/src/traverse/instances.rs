@@ -25,7 +25,7 @@ pub(super) fn closest<S: Simd>(
         && let Some(best) = single::closest(simd, bvh, ray, hit.t, stack)
     {
         let mut place = None;
-        let block = bvh.block(best.block, &mut place);
+        let block = bvh.blocks().get(best.block, &mut place);
         let exact = finish::exact(ray, block.corners(best.lane), best.t, hit.t);
         let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
         *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };

@@ -132,7 +132,7 @@ impl Gathered {
             let lane = (rest.trailing_zeros() & 15) as usize;
             let id = ids[lane];
             let mut place = None;
-            let block = bvh.block(id as usize / WIDTH, &mut place);
+            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
             let from = id as usize % WIDTH;
             let same = all.simd_eq(u32x16::splat(simd, id));
             let sharing = same.to_bitmask() as u16;

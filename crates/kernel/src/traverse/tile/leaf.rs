@@ -12,8 +12,8 @@ use super::{
     work::{GROUP, Work, mask16},
 };
 use crate::{
+    compact::Blocks,
     layout::{Block, WIDTH},
-    triangle_bvh::TriangleBvh,
 };
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
@@ -133,7 +133,7 @@ impl Setup {
 /// A leaf as a tile sees it.
 pub(super) struct Leaf<'a> {
     frame: &'a Frame,
-    bvh: &'a TriangleBvh,
+    blocks: Blocks<'a>,
     /// Groups with a ray that meets the leaf's box, and those rays.
     mask: u16,
     rays: [u16; GROUP],
@@ -145,13 +145,13 @@ impl<'a> Leaf<'a> {
     pub(super) fn new<S: Simd>(
         simd: S,
         frame: &'a Frame,
-        bvh: &'a TriangleBvh,
+        blocks: Blocks<'a>,
         range: &BoxRange,
         mask: u16,
         work: &Work,
     ) -> Self {
         let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
-        Self { frame, bvh, mask, rays }
+        Self { frame, blocks, mask, rays }
     }
 }
 
@@ -189,7 +189,7 @@ pub(super) fn test_block<S: Simd, const ANY: bool>(
         return 0;
     }
     let rect = work.rect_of(mask);
-    let bits = setup.fill(simd, leaf.frame, leaf.bvh.block(block, &mut None), rect, work.far);
+    let bits = setup.fill(simd, leaf.frame, leaf.blocks.get(block, &mut None), rect, work.far);
     if bits == 0 {
         return 0;
     }

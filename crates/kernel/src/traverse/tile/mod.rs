@@ -323,12 +323,12 @@ fn triangles<S: Simd, const ANY: bool>(
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
-    while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.full_blocks(), &frame, work, visits, mark) {
+    while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
         let mut place = None;
-        let node = bvh.tree.node(simd, visit.node as usize, &mut place);
+        let node = bvh.tree.view().get(simd, visit.node as usize, &mut place);
         let range = frame.box_range(node, usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, bvh, &range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, bvh.blocks(), &range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);

@@ -205,7 +205,7 @@ fn open<S: Simd>(
     stack: &mut Vec<Visit>,
 ) {
     let mut place = None;
-    let node = tree.node(simd, visit.child.0 as usize, &mut place);
+    let node = tree.view().get(simd, visit.child.0 as usize, &mut place);
     let boxes = frame.boxes(simd, node);
     let bits = frame.cull(simd, &boxes, work.rect, work.far);
     if bits == 0 {
