@@ -103,7 +103,7 @@ impl TriangleBvh {
             }
         };
         watch.check()?;
-        let bounds = Aabb::new(binary[0].bounds().lo(), binary[0].bounds().hi());
+        let bounds = Aabb::new(binary.nodes[0].bounds().lo(), binary.nodes[0].bounds().hi());
         watch.stage(850);
         let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
         let ranges = match block_list {

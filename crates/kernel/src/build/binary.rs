@@ -19,8 +19,12 @@ pub(crate) enum Content {
 impl BinaryNode {
     const LEAF: u32 = 1 << 31;
     const APART: u32 = 1 << 30;
-    /// Fills the place beside the root, so that siblings start at even indices.
-    pub(crate) const PAD: Self = Self(PackedBox::EMPTY);
+    /// Fills the place beside the root, so that siblings start at even indices: a leaf of nothing.
+    pub(crate) const PAD: Self = {
+        let mut bounds = PackedBox::EMPTY;
+        [bounds.0[3], bounds.0[7]] = [f32::from_bits(Self::LEAF), 0.0];
+        Self(bounds)
+    };
 
     pub(crate) fn new(bounds: &PackedBox, content: Content) -> Self {
         Self(bounds.with_tags(match content {
@@ -59,6 +63,15 @@ impl BinaryNode {
     }
 }
 
+/// A finished binary tree; the root is node 0.
+#[derive(Debug)]
+pub(crate) struct BinaryTree {
+    pub nodes: Vec<BinaryNode>,
+    /// Where runs of nodes begin, and the number of nodes. The first run is the top; from its nodes one gets into the
+    /// others, whose nodes have children in the same run alone. Children always come behind their parents.
+    pub runs: Vec<u32>,
+}
+
 /// A tree in the making: the nodes near the root, and the subtrees that tasks built.
 pub(crate) struct Piece {
     root: BinaryNode,
@@ -89,21 +102,24 @@ impl Piece {
     }
 
     /// The whole tree as one list: root, padding, then pairs.
-    pub(crate) fn assemble(self) -> Vec<BinaryNode> {
+    pub(crate) fn assemble(self) -> BinaryTree {
         let mut nodes = Vec::with_capacity(
             2 + self.nodes.len() + self.tasks.iter().map(|task| task.len() - 2).sum::<usize>(),
         );
         nodes.extend([self.root.moved(2, 0), BinaryNode::PAD]);
         nodes.extend(self.nodes.iter().map(|node| node.moved(2, 0)));
+        let mut runs = vec![0];
         for place in 0..nodes.len() {
             if let Content::Apart { task } = nodes[place].content() {
                 let subtree = &self.tasks[task as usize];
+                runs.push(nodes.len() as u32);
                 let shift = nodes.len() as u32 - 2;
                 nodes[place] = subtree[0].moved(shift, 0);
                 nodes.extend(subtree[2..].iter().map(|node| node.moved(shift, 0)));
             }
         }
-        nodes
+        runs.push(nodes.len() as u32);
+        BinaryTree { nodes, runs }
     }
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{
     BuildOptions,
-    binary::{BinaryNode, Content, LeafRule, Piece},
+    binary::{BinaryNode, BinaryTree, Content, LeafRule, Piece},
     boxes::{PackedBox, doubled_center, half_areas},
     watch::Watch,
 };
@@ -31,7 +31,7 @@ pub(crate) fn build(
     rule: LeafRule,
     options: &BuildOptions,
     watch: &Watch<'_>,
-) -> Vec<BinaryNode> {
+) -> BinaryTree {
     watch.expect(work(prims.len()));
     let builder = Builder { level, rule, options: *options, watch };
     let whole = builder.whole(prims);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{
     BuildOptions,
-    binary::{BinaryNode, LeafRule},
+    binary::{BinaryNode, BinaryTree, LeafRule},
     binned,
     boxes::PackedBox,
     watch::Watch,
@@ -39,7 +39,7 @@ pub(crate) fn build(
     prims: &mut Vec<PackedBox>,
     options: &BuildOptions,
     watch: &Watch<'_>,
-) -> (Vec<BinaryNode>, Vec<BlockRange>) {
+) -> (BinaryTree, Vec<BlockRange>) {
     *prims = sorted(prims, 0, watch);
     let starts = (0..prims.len()).step_by(STRETCH);
     let stretches: Vec<usize> = starts.collect();
@@ -52,7 +52,7 @@ pub(crate) fn build(
     };
     let blocks: Vec<Block> = stretches.par_iter().map(cut).flatten_iter().collect();
     if watch.stopped() {
-        return (vec![BinaryNode::PAD; 2], Vec::new());
+        return (BinaryTree { nodes: vec![BinaryNode::PAD; 2], runs: vec![0, 2] }, Vec::new());
     }
     let numbered = |(i, block): (usize, &Block)| block.bounds.with_tags([i as u32; 2]);
     let mut items: Vec<PackedBox> = blocks.par_iter().enumerate().map(numbered).collect();

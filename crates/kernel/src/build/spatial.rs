@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::{
     BuildOptions,
-    binary::{BinaryNode, Content, LeafRule, Piece},
+    binary::{BinaryNode, BinaryTree, Content, LeafRule, Piece},
     binned::{self, Builder, Range, TASK, TASK_LEVELS},
     boxes::PackedBox,
     watch::Watch,
@@ -46,7 +46,7 @@ pub(crate) fn build(
     rule: LeafRule,
     options: &BuildOptions,
     watch: &Watch<'_>,
-) -> Vec<BinaryNode> {
+) -> BinaryTree {
     let object = Builder { level, rule, options: *options, watch };
     let whole = object.whole(prims);
     let reach = whole.bounds.lo().abs().max(whole.bounds.hi().abs()).max_element();

@@ -5,7 +5,7 @@ use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, mask32x8, prelude::*};
 use rayon::prelude::*;
 
 use super::{
-    binary::{BinaryNode, Content, LeafRule},
+    binary::{BinaryNode, BinaryTree, Content, LeafRule},
     boxes::PackedBox,
     watch::Watch,
 };
@@ -64,23 +64,25 @@ impl WideTree {
 /// First reference and number of references of a block.
 pub(crate) type BlockRange = (u32, u32);
 
-/// Collapses by opening the largest child until a node is full. The leaves' payloads are runs in the list of blocks
+/// Collapses into the cheapest wide tree. The leaves' payloads are runs in the list of blocks
 /// that is returned too; neighbours in the tree are neighbours in both lists.
 pub(crate) fn collapse(
     level: Level,
-    binary: &[BinaryNode],
+    tree: &BinaryTree,
     rule: LeafRule,
     block_cost: f32,
     watch: &Watch<'_>,
 ) -> (WideTree, Vec<BlockRange>) {
+    let binary = &tree.nodes[..];
     let Some(root) = binary.first() else { return Default::default() };
     let (lo, hi) = (root.bounds().lo(), root.bounds().hi());
+    let plan = &plan(tree, rule, block_cost)[..];
     let Content::Inner { count, .. } = root.content() else {
         // A root that is a leaf: one node with one child.
-        let part = Collapse { binary, rule, block_cost, cut: 0 }.run(level, 0);
+        let part = Collapse { binary, plan, rule, block_cost, cut: 0 }.run(level, 0);
         return finish(vec![part], binary, lo.abs().max(hi.abs()).to_array());
     };
-    let collapse = Collapse { binary, rule, block_cost, cut: TASK.max(count / 64) };
+    let collapse = Collapse { binary, plan, rule, block_cost, cut: TASK.max(count / 64) };
     let top = collapse.run(level, 0);
     watch.expect(top.apart.len() as u64);
     let whole = Collapse { cut: 0, ..collapse };
@@ -109,6 +111,7 @@ struct Part {
 #[derive(Clone, Copy)]
 struct Collapse<'a> {
     binary: &'a [BinaryNode],
+    plan: &'a [Plan],
     rule: LeafRule,
     block_cost: f32,
     /// Inner children with no more references than this are left to other parts.
@@ -172,32 +175,99 @@ impl Collapse<'_> {
     #[inline(always)]
     fn gather(&self, from: u32) -> ([u32; WIDTH], usize) {
         let mut members = [from; WIDTH];
-        // Areas of those that can be opened.
-        let mut areas = [-1.0_f32; WIDTH];
-        let mut count = 1;
-        let mut opened = 0;
-        while let Content::Inner { children, .. } = self.binary[members[opened] as usize].content() {
-            for (lane, member) in [(opened, children), (count, children + 1)] {
-                let child = &self.binary[member as usize];
-                let inner = matches!(child.content(), Content::Inner { .. });
-                members[lane] = member;
-                areas[lane] = if inner { child.bounds().half_area() } else { -1.0 };
-            }
-            count += 1;
-            if count == WIDTH {
-                break;
-            }
-            let mut largest = -1.0;
-            for (lane, &area) in areas.iter().enumerate() {
-                if area > largest {
-                    (largest, opened) = (area, lane);
+        let mut count = 0;
+        // Subtrees to replace, and by how many roots.
+        let mut open = [(from, WIDTH); WIDTH];
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let (node, roots) = open[waiting % WIDTH];
+            let left = usize::from(self.plan[node as usize][roots - 1]);
+            match self.binary[node as usize].content() {
+                Content::Inner { children, .. } if left > 0 => {
+                    open[waiting % WIDTH] = (children + 1, roots - left);
+                    open[(waiting + 1) % WIDTH] = (children, left);
+                    waiting += 2;
                 }
-            }
-            if largest < 0.0 {
-                break;
+                _ => {
+                    members[count % WIDTH] = node;
+                    count += 1;
+                }
             }
         }
         (members, count)
+    }
+}
+
+/// For each node, into how many roots its left child should go when it is replaced by up to 1 … 8 roots; 0 where it
+/// should stay one.
+type Plan = [u8; WIDTH];
+/// The cost of a subtree as a forest of up to 1 … 7 roots.
+type Costs = [f32; WIDTH - 1];
+
+/// Plans the cheapest collapse by dynamic programming over the forests that replace each subtree [Ylitie, Karras and
+/// Laine 2017, section 4.1]. Leaves are as the builder made them.
+fn plan(tree: &BinaryTree, rule: LeafRule, block_cost: f32) -> Vec<Plan> {
+    let mut plans = vec![[0; WIDTH]; tree.nodes.len()];
+    let mut costs = vec![[0.0; WIDTH - 1]; tree.nodes.len()];
+    let top = tree.runs.get(1).map_or(0, |&end| end as usize);
+    let (mut rest_plans, mut rest_costs) = (&mut plans[top..], &mut costs[top..]);
+    let mut runs = Vec::with_capacity(tree.runs.len());
+    for (&begin, &end) in tree.runs.iter().zip(tree.runs.iter().skip(1)).skip(1) {
+        let (run_plans, run_costs);
+        (run_plans, rest_plans) = rest_plans.split_at_mut((end - begin) as usize);
+        (run_costs, rest_costs) = rest_costs.split_at_mut((end - begin) as usize);
+        runs.push((begin as usize..end as usize, run_plans, run_costs));
+    }
+    runs.into_par_iter().for_each(|(run, plans, costs)| {
+        plan_nodes(&tree.nodes[run.clone()], run.start, plans, costs, rule, block_cost);
+    });
+    plan_nodes(&tree.nodes[..top], 0, &mut plans, &mut costs, rule, block_cost);
+    plans
+}
+
+/// Plans for `nodes`, of which the first is number `first` of the tree. `plans` and `costs` begin at the same node and
+/// reach as far as children go.
+fn plan_nodes(
+    nodes: &[BinaryNode],
+    first: usize,
+    plans: &mut [Plan],
+    costs: &mut [Costs],
+    rule: LeafRule,
+    block_cost: f32,
+) {
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let area = node.bounds().half_area();
+        let children = match node.content() {
+            Content::Inner { children, .. } => children as usize - first,
+            Content::Leaf { count, .. } => {
+                costs[index] = [area * rule.blocks(count as usize) as f32 * block_cost; WIDTH - 1];
+                continue;
+            }
+            Content::Apart { .. } => continue,
+        };
+        let (left, right) = (costs[children], costs[children + 1]);
+        let mut least = [f32::INFINITY; WIDTH];
+        // Whatever the costs, a wide node opens the binary one that it stands for.
+        let mut plan = [0; WIDTH];
+        plan[WIDTH - 1] = 1;
+        for roots in 2..=WIDTH {
+            for to_left in 1..roots {
+                let cost = left[to_left - 1] + right[roots - to_left - 1];
+                if cost < least[roots - 1] {
+                    (least[roots - 1], plan[roots - 1]) = (cost, to_left as u8);
+                }
+            }
+        }
+        // As one root it is a wide node of up to 8 children, which is visited.
+        let alone = least[WIDTH - 1] + area;
+        for roots in 1..WIDTH {
+            if alone <= least[roots - 1] {
+                plan[roots - 1] = 0;
+            }
+            costs[index][roots - 1] = alone.min(least[roots - 1]);
+        }
+        plans[index] = plan;
     }
 }
 
