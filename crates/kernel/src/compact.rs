@@ -11,6 +11,7 @@ use crate::{
     build::triangles::locate,
     layout::{Block, Child, Node, WIDTH},
     mesh::Mesh,
+    prefetch::prefetch,
 };
 
 /// A [`Node`] in 128 B.
@@ -233,6 +234,12 @@ impl<'a> Blocks<'a> {
             Some(block) => block,
             None => decode_block(self.compact, self.mesh_starts, index, place),
         }
+    }
+
+    /// Asks for a block that will be read soon; nothing for compact ones.
+    #[inline(always)]
+    pub(crate) fn prefetch(self, index: usize) {
+        prefetch(self.full, index);
     }
 }
 

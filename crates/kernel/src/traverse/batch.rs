@@ -1,25 +1,153 @@
 //! Batches of unrelated rays.
-use fearless_simd::Simd;
+use fearless_simd::{Level, Simd};
 
-use super::{instances, local::LocalRay, stack::Stack};
+use super::{
+    instances,
+    local::LocalRay,
+    packet::{LANES, Packet, Visit},
+    single::Candidate,
+    stack::Stack,
+};
 use crate::{
+    layout::WIDTH,
     object::Object,
     ray::{Hit, PathId, Ray},
+    triangle_bvh::TriangleBvh,
 };
+
+/// Rays taken up together, to be sorted into packets.
+const BATCH: usize = 256;
+/// Fewer rays than this are not worth a packet.
+const FEW_RAYS: usize = 4;
 
 #[inline(always)]
 pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
     let mut stack = Stack::new();
-    for (ray, hit) in rays.iter().zip(hits) {
-        *hit = closest(simd, root, ray, &mut stack);
+    let Some(bvh) = flat(simd, root, rays.len()) else {
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = closest(simd, root, ray, &mut stack);
+        }
+        return;
+    };
+    let mut packets = Packets::new();
+    for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
+        hits.fill(Hit::MISS);
+        let sorted = Octants::sort(rays, hits.len());
+        for octant in 0..8 {
+            for indices in sorted.rays_of(octant).chunks(LANES) {
+                packets.load(rays, indices);
+                packets.packet.trace::<S, false>(simd, bvh, octant, &mut packets.visits, &mut stack);
+                for (lane, &index) in indices.iter().enumerate() {
+                    let id = packets.packet.id[lane];
+                    if id == Packet::NONE {
+                        continue;
+                    }
+                    let i = usize::from(index);
+                    let local = packets.packet.ray(lane);
+                    let candidate = Candidate {
+                        t: packets.packet.t_max[lane],
+                        block: id as usize / WIDTH,
+                        lane: id as usize % WIDTH,
+                    };
+                    hits[i] = instances::settle(bvh, &local, candidate, PathId::ROOT, rays[i].t_max);
+                }
+            }
+        }
     }
 }
 
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: &mut [bool]) {
     let mut stack = Stack::new();
-    for (ray, out) in rays.iter().zip(occluded) {
-        *out = any(simd, root, ray, &mut stack);
+    let Some(bvh) = flat(simd, root, rays.len()) else {
+        for (ray, out) in rays.iter().zip(occluded) {
+            *out = any(simd, root, ray, &mut stack);
+        }
+        return;
+    };
+    let mut packets = Packets::new();
+    for (rays, occluded) in rays.chunks(BATCH).zip(occluded.chunks_mut(BATCH)) {
+        occluded.fill(false);
+        let sorted = Octants::sort(rays, occluded.len());
+        for octant in 0..8 {
+            for indices in sorted.rays_of(octant).chunks(LANES) {
+                packets.load(rays, indices);
+                packets.packet.trace::<S, true>(simd, bvh, octant, &mut packets.visits, &mut stack);
+                for (&index, &id) in indices.iter().zip(&packets.packet.id) {
+                    occluded[usize::from(index)] = id != Packet::NONE;
+                }
+            }
+        }
+    }
+}
+
+/// The tree to send packets through, if that can pay: several rays, vectors, and no instances.
+#[inline(always)]
+fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
+    let packets = rays >= FEW_RAYS && !matches!(simd.level(), Level::Fallback(_));
+    let bvh = root.triangles.as_deref()?;
+    (packets && root.instance_tree.is_empty()).then_some(bvh)
+}
+
+/// Buffers for packets.
+struct Packets {
+    packet: Packet,
+    visits: Vec<Visit>,
+}
+
+impl Packets {
+    fn new() -> Self {
+        Self { packet: Packet::EMPTY, visits: Vec::with_capacity(64) }
+    }
+
+    #[inline(always)]
+    fn load(&mut self, rays: &[Ray], indices: &[u8]) {
+        self.packet.clear();
+        for &index in indices {
+            let ray = &rays[usize::from(index)];
+            if let Some(local) = LocalRay::new(ray) {
+                self.packet.push(&local, ray.t_max);
+            }
+        }
+    }
+}
+
+/// The valid rays of a batch, sorted by the signs of their directions: those of a packet agree.
+struct Octants {
+    indices: [u8; BATCH],
+    ends: [usize; 8],
+}
+
+impl Octants {
+    #[inline(always)]
+    fn sort(rays: &[Ray], len: usize) -> Self {
+        let mut octants = [u8::MAX; BATCH];
+        let mut counts = [0_usize; 8];
+        for (ray, octant) in rays[..rays.len().min(len)].iter().zip(&mut octants) {
+            if LocalRay::new(ray).is_some() {
+                let [x, y, z] = ray.direction.to_array().map(|d| d.to_bits() >> 31);
+                *octant = (x | y << 1 | z << 2) as u8;
+                counts[usize::from(*octant)] += 1;
+            }
+        }
+        let mut ends = [0; 8];
+        for octant in 1..8 {
+            ends[octant] = ends[octant - 1] + counts[octant - 1];
+        }
+        let mut indices = [0; BATCH];
+        for (i, &octant) in octants.iter().enumerate() {
+            if let Some(end) = ends.get_mut(usize::from(octant)) {
+                indices[*end & (BATCH - 1)] = i as u8;
+                *end += 1;
+            }
+        }
+        Self { indices, ends }
+    }
+
+    #[inline(always)]
+    fn rays_of(&self, octant: usize) -> &[u8] {
+        let start = if octant == 0 { 0 } else { self.ends[octant - 1] };
+        &self.indices[start..self.ends[octant]]
     }
 }
 

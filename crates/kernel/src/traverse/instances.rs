@@ -2,11 +2,18 @@
 use fearless_simd::{f32x8, prelude::*};
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::{finish, local::LocalRay, single, slab::Slab, stack::Stack};
+use super::{
+    finish,
+    local::LocalRay,
+    single::{self, Candidate},
+    slab::Slab,
+    stack::Stack,
+};
 use crate::{
     layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
+    triangle_bvh::TriangleBvh,
 };
 
 /// The closest hit in `object` nearer than `hit.t`; writes `hit` (normal in the object's space) and says whether
@@ -24,17 +31,23 @@ pub(super) fn closest<S: Simd>(
     if let Some(bvh) = &object.triangles
         && let Some(best) = single::closest(simd, bvh, ray, hit.t, stack)
     {
-        let mut place = None;
-        let block = bvh.blocks().get(best.block, &mut place);
-        let exact = finish::exact(ray, block.corners(best.lane), best.t, hit.t);
-        let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
-        *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };
+        *hit = settle(bvh, ray, best, path, hit.t);
         found = true;
     }
     if !object.instance_tree.nodes.is_empty() {
         found |= closest_instance(simd, object, ray, path, hit, stack);
     }
     found
+}
+
+/// The hit in the triangle that a traversal settled on.
+#[inline(always)]
+pub(super) fn settle(bvh: &TriangleBvh, ray: &LocalRay, best: Candidate, path: PathId, t_max: f32) -> Hit {
+    let mut place = None;
+    let block = bvh.blocks().get(best.block, &mut place);
+    let exact = finish::exact(ray, block.corners(best.lane), best.t, t_max);
+    let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
+    Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path }
 }
 
 #[inline(always)]

@@ -3,6 +3,7 @@ mod batch;
 mod finish;
 mod instances;
 mod local;
+mod packet;
 mod shear;
 mod single;
 mod slab;

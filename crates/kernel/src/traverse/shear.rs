@@ -7,7 +7,7 @@
 //! second pass in double precision for the zeros; neighbours may both claim such a ray, but none is lost.
 use fearless_simd::{f32x8, prelude::*};
 
-use super::local::LocalRay;
+use super::{local::LocalRay, slab};
 use crate::layout::Block;
 
 /// A ray set up for triangle tests.
@@ -36,15 +36,17 @@ impl<S: Simd> Shear<S> {
         };
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
         let scale = 1.0 / d[z];
+        Self::splat(simd, z, [o[x], o[y], o[z]], [-d[x] / d[z], -d[y] / d[z], scale], ray.t_min)
+    }
+
+    /// From the largest component's axis, the origin in cyclic order with that axis last, and the shear.
+    #[inline(always)]
+    pub(super) fn splat(simd: S, z: usize, origin: [f32; 3], shear: [f32; 3], t_min: f32) -> Self {
         Self {
-            axes: [x, y, z],
-            origin: [f32x8::splat(simd, o[x]), f32x8::splat(simd, o[y]), f32x8::splat(simd, o[z])],
-            shear: [
-                f32x8::splat(simd, -d[x] / d[z]),
-                f32x8::splat(simd, -d[y] / d[z]),
-                f32x8::splat(simd, scale),
-            ],
-            t_min: f32x8::splat(simd, ray.t_min),
+            axes: [(z + 1) % 3, (z + 2) % 3, z],
+            origin: slab::splat(simd, origin),
+            shear: slab::splat(simd, shear),
+            t_min: f32x8::splat(simd, t_min),
         }
     }
 

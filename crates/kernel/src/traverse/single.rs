@@ -21,21 +21,35 @@ pub(super) fn closest<S: Simd>(
     t_max: f32,
     stack: &mut Stack,
 ) -> Option<Candidate> {
-    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
     if bvh.tree.is_empty() {
         return None;
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
+    closest_below(simd, bvh, &slab, &shear, Child::inner(0), t_max, stack)
+}
+
+/// As [`closest`], in the subtree `start`.
+#[inline(always)]
+pub(super) fn closest_below<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    slab: &Slab<S>,
+    shear: &Shear<S>,
+    start: Child,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<Candidate> {
+    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
     let mark = stack.mark();
     let mut best = None;
     let mut t_max = t_max;
-    let mut current = Child::inner(0);
+    let mut current = start;
     loop {
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                closest_in_block(simd, &shear, blocks, block, &mut t_max, &mut best);
+                closest_in_block(simd, shear, blocks, block, &mut t_max, &mut best);
             }
         } else {
             let mut place = None;
@@ -90,15 +104,29 @@ pub(super) fn any<S: Simd>(
     t_max: f32,
     stack: &mut Stack,
 ) -> bool {
-    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
     if bvh.tree.is_empty() {
         return false;
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
+    any_below(simd, bvh, &slab, &shear, Child::inner(0), t_max, stack)
+}
+
+/// As [`any`], in the subtree `start`.
+#[inline(always)]
+pub(super) fn any_below<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    slab: &Slab<S>,
+    shear: &Shear<S>,
+    start: Child,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
     let limit = f32x8::splat(simd, t_max);
     let mark = stack.mark();
-    let mut current = Child::inner(0);
+    let mut current = start;
     loop {
         if current.is_leaf() {
             let (first, end) = current.block_range();

@@ -6,12 +6,12 @@ use crate::layout::Node;
 
 /// Directions this much smaller than the largest component count as this large: 1/d stays finite, and over the
 /// length of any scene the ray moves by less than the boxes are padded.
-const SMALLEST_COMPONENT: f32 = 1.0e-15;
+pub(super) const SMALLEST_COMPONENT: f32 = 1.0e-15;
 /// Relative widening of the far distance, above 3 roundings of each side [Ize 2013, "Robust BVH ray traversal"].
-const FAR_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
+pub(super) const FAR_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 /// Padding of a plane in units of the largest coordinate involved, on any axis: covers the rounding of `o/d`, of
 /// the products, and of the shear in the triangle test, none of which shrinks with the distance to the plane.
-const PLANE_SLACK: f32 = 3.0 * f32::EPSILON;
+pub(super) const PLANE_SLACK: f32 = 3.0 * f32::EPSILON;
 
 /// A ray set up for box tests: distance to a plane = `plane / d − o / d`, one fused operation.
 #[derive(Clone, Copy)]
@@ -31,18 +31,36 @@ impl<S: Simd> Slab<S> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let reach = ray.origin.abs().max_element().max(extent[0]).max(extent[1]).max(extent[2]);
         let smallest = ray.direction.abs().max_element() * SMALLEST_COMPONENT;
-        let zero = f32x8::splat(simd, 0.0);
-        let (mut inverse, mut near_shift, mut far_shift) = ([zero; 3], [zero; 3], [zero; 3]);
+        let (mut inverse, mut near_shift, mut far_shift) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         let mut near = [0; 3];
         for k in 0..3 {
             let inv = 1.0 / d[k].abs().max(smallest).copysign(d[k]);
             let pad = inv.abs() * reach * PLANE_SLACK;
-            inverse[k] = f32x8::splat(simd, inv);
-            near_shift[k] = f32x8::splat(simd, o[k] * inv + pad);
-            far_shift[k] = f32x8::splat(simd, o[k] * inv - pad);
+            inverse[k] = inv;
+            near_shift[k] = o[k] * inv + pad;
+            far_shift[k] = o[k] * inv - pad;
             near[k] = if inv < 0.0 { k + 3 } else { k };
         }
-        Self { inverse, near_shift, far_shift, near, t_min: f32x8::splat(simd, ray.t_min) }
+        Self::splat(simd, inverse, near_shift, far_shift, near, ray.t_min)
+    }
+
+    /// From what is the same for all boxes.
+    #[inline(always)]
+    pub(super) fn splat(
+        simd: S,
+        inverse: [f32; 3],
+        near_shift: [f32; 3],
+        far_shift: [f32; 3],
+        near: [usize; 3],
+        t_min: f32,
+    ) -> Self {
+        Self {
+            inverse: splat(simd, inverse),
+            near_shift: splat(simd, near_shift),
+            far_shift: splat(simd, far_shift),
+            near,
+            t_min: f32x8::splat(simd, t_min),
+        }
     }
 
     /// Entry distances, and a bit for each child that the ray meets before `t_max`.
@@ -66,4 +84,9 @@ impl<S: Simd> Slab<S> {
 #[inline(always)]
 fn plane<S: Simd>(simd: S, planes: &[f32; 8], inverse: f32x8<S>, shift: f32x8<S>) -> f32x8<S> {
     f32x8::load_array_ref(simd, planes).mul_sub(inverse, shift)
+}
+
+#[inline(always)]
+pub(super) fn splat<S: Simd>(simd: S, v: [f32; 3]) -> [f32x8<S>; 3] {
+    [f32x8::splat(simd, v[0]), f32x8::splat(simd, v[1]), f32x8::splat(simd, v[2])]
 }

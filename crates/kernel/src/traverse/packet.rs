@@ -1,0 +1,276 @@
+//! Sixteen rays in lanes through one tree of triangles, whatever their origins: for the reflections, the refractions
+//! and the short rays of neighbouring pixels.
+//!
+//! Lanes stay together while it pays: where only a few want a subtree, each goes on alone, 8 boxes at a time [Benthin,
+//! Wald, Woop, Ernst and Mark 2012, "Combining single and packet-ray tracing for arbitrary ray distributions"]. So
+//! unrelated rays lose nothing: they share the top of the tree and part below it.
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
+use glam::Vec3A;
+
+use super::{
+    local::LocalRay,
+    shear::Shear,
+    single,
+    slab::{self, Slab},
+    stack::Stack,
+};
+use crate::{
+    layout::{Child, Node, WIDTH},
+    triangle_bvh::TriangleBvh,
+};
+
+/// Rays in a packet.
+pub(super) const LANES: usize = 16;
+/// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
+const FEW: u32 = 4;
+
+type Lanes = [f32; LANES];
+type Triple<S> = [f32x16<S>; 3];
+
+/// Up to 16 rays of one sign octant, set up for box and triangle tests.
+#[repr(C, align(64))]
+pub(super) struct Packet {
+    origin: [Lanes; 3],
+    direction: [Lanes; 3],
+    t_min: Lanes,
+    /// The nearest hit so far or the ray's end; negative for lanes that want nothing.
+    pub t_max: Lanes,
+    /// `block · 8 + lane` of that hit, or [`Packet::NONE`].
+    pub id: [u32; LANES],
+    inverse: [Lanes; 3],
+    near_shift: [Lanes; 3],
+    far_shift: [Lanes; 3],
+    /// Triangle test: the largest component's axis, the origin with that axis last, and the shear.
+    pub axis: [u32; LANES],
+    pub sheared_origin: [Lanes; 3],
+    pub shear: [Lanes; 3],
+    len: usize,
+}
+
+/// A subtree to visit, and where each lane enters its box; +∞ for lanes that do not.
+#[repr(C, align(64))]
+#[derive(Clone, Copy)]
+pub(super) struct Visit {
+    enter: Lanes,
+    child: Child,
+}
+
+impl Packet {
+    pub(super) const NONE: u32 = u32::MAX;
+    pub(super) const EMPTY: Self = Self {
+        origin: [[0.0; LANES]; 3],
+        direction: [[1.0; LANES]; 3],
+        t_min: [0.0; LANES],
+        t_max: [-1.0; LANES],
+        id: [Self::NONE; LANES],
+        inverse: [[1.0; LANES]; 3],
+        near_shift: [[0.0; LANES]; 3],
+        far_shift: [[0.0; LANES]; 3],
+        axis: [0; LANES],
+        sheared_origin: [[0.0; LANES]; 3],
+        shear: [[0.0; LANES]; 3],
+        len: 0,
+    };
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+        self.t_max = [-1.0; LANES];
+        self.id = [Self::NONE; LANES];
+    }
+
+    /// Adds a ray; the caller keeps to 16 rays of one octant.
+    #[inline(always)]
+    pub(super) fn push(&mut self, ray: &LocalRay, t_max: f32) {
+        let lane = self.len & (LANES - 1);
+        for (axis, (o, d)) in ray.origin.to_array().into_iter().zip(ray.direction.to_array()).enumerate() {
+            (self.origin[axis][lane], self.direction[axis][lane]) = (o, d);
+        }
+        (self.t_min[lane], self.t_max[lane]) = (ray.t_min, t_max);
+        self.len = lane + 1;
+    }
+
+    /// Ray `lane` again.
+    #[inline(always)]
+    pub(super) fn ray(&self, lane: usize) -> LocalRay {
+        let lane = lane & (LANES - 1);
+        let (origin, direction) = (column(&self.origin, lane), column(&self.direction, lane));
+        LocalRay {
+            origin: Vec3A::from_array(origin),
+            direction: Vec3A::from_array(direction),
+            t_min: self.t_min[lane],
+        }
+    }
+
+    /// Finds the closest hit of each ray, or with `ANY` some hit; returns nothing, the answers are in `id` and `t_max`.
+    #[inline(always)]
+    pub(super) fn trace<S: Simd, const ANY: bool>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        octant: usize,
+        visits: &mut Vec<Visit>,
+        stack: &mut Stack,
+    ) {
+        if bvh.tree.is_empty() {
+            return;
+        }
+        self.prepare(simd, bvh.tree.extent);
+        let nodes = bvh.tree.view();
+        let near = [0, 1, 2].map(|axis| axis + 3 * (octant >> axis & 1));
+        let mark = visits.len();
+        visits.push(Visit { enter: self.t_min, child: Child::inner(0) });
+        while visits.len() > mark {
+            let Some(visit) = visits.pop() else { return };
+            let enter = f32x16::load_array_ref(simd, &visit.enter);
+            let t_max = f32x16::load_array_ref(simd, &self.t_max);
+            let wanting = enter.simd_lt(t_max);
+            let bits = wanting.to_bitmask() as u16;
+            if bits == 0 {
+                continue;
+            }
+            if bits.count_ones() <= FEW || visit.child.is_leaf() {
+                self.alone::<S, ANY>(simd, bvh, visit.child, bits, near, stack);
+                continue;
+            }
+            let mut place = None;
+            let node = nodes.get(simd, visit.child.0 as usize, &mut place);
+            let order = node.order[octant & 7];
+            for rank in (0..WIDTH).rev() {
+                let lane = (order >> (3 * rank) & 7) as usize;
+                let child = node.child[lane];
+                if child == Child::NONE {
+                    continue;
+                }
+                let (enter, met) = self.meet(simd, node, lane, near, t_max);
+                let met = met & wanting;
+                if met.to_bitmask() != 0 {
+                    if child.is_leaf() {
+                        bvh.blocks().prefetch(child.block_range().0);
+                    }
+                    let enter = met.select(enter, f32x16::splat(simd, f32::INFINITY));
+                    visits.push(Visit { enter: enter.into(), child });
+                }
+            }
+        }
+    }
+
+    /// Box `lane` of a node against all rays: where they enter, and which of them do.
+    #[inline(always)]
+    fn meet<S: Simd>(
+        &self,
+        simd: S,
+        node: &Node,
+        lane: usize,
+        near: [usize; 3],
+        t_max: f32x16<S>,
+    ) -> (f32x16<S>, mask32x16<S>) {
+        let mut enter = f32x16::load_array_ref(simd, &self.t_min);
+        let mut leave = f32x16::splat(simd, f32::INFINITY);
+        for axis in 0..3 {
+            let inverse = f32x16::load_array_ref(simd, &self.inverse[axis]);
+            let first = f32x16::splat(simd, node.bounds[near[axis] % 6][lane & 7]);
+            let last = f32x16::splat(simd, node.bounds[(near[axis] + 3) % 6][lane & 7]);
+            enter = enter.max(first.mul_sub(inverse, f32x16::load_array_ref(simd, &self.near_shift[axis])));
+            leave = leave.min(last.mul_sub(inverse, f32x16::load_array_ref(simd, &self.far_shift[axis])));
+        }
+        let leave = (leave * slab::FAR_SLACK).min(t_max);
+        (enter, enter.simd_le(leave))
+    }
+
+    /// The lanes in `bits` one by one through a subtree.
+    #[inline(always)]
+    fn alone<S: Simd, const ANY: bool>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        child: Child,
+        bits: u16,
+        near: [usize; 3],
+        stack: &mut Stack,
+    ) {
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            let shear = self.shear_of(simd, lane);
+            let t_max = self.t_max[lane];
+            let slab = self.slab_of(simd, lane, near);
+            if ANY {
+                if single::any_below(simd, bvh, &slab, &shear, child, t_max, stack) {
+                    (self.id[lane], self.t_max[lane]) = (0, -1.0);
+                }
+            } else if let Some(best) = single::closest_below(simd, bvh, &slab, &shear, child, t_max, stack) {
+                self.id[lane] = (best.block * WIDTH + best.lane) as u32;
+                self.t_max[lane] = best.t;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn slab_of<S: Simd>(&self, simd: S, lane: usize, near: [usize; 3]) -> Slab<S> {
+        let inverse = column(&self.inverse, lane);
+        let (start, end) = (column(&self.near_shift, lane), column(&self.far_shift, lane));
+        Slab::splat(simd, inverse, start, end, near, self.t_min[lane])
+    }
+
+    #[inline(always)]
+    fn shear_of<S: Simd>(&self, simd: S, lane: usize) -> Shear<S> {
+        let (origin, shear) = (column(&self.sheared_origin, lane), column(&self.shear, lane));
+        Shear::splat(simd, self.axis[lane] as usize, origin, shear, self.t_min[lane])
+    }
+
+    /// What [`Slab::new`] and [`Shear::new`] do, for all lanes.
+    #[inline(always)]
+    fn prepare<S: Simd>(&mut self, simd: S, extent: [f32; 3]) {
+        let o = load(simd, &self.origin);
+        let d = load(simd, &self.direction);
+        let one = f32x16::splat(simd, 1.0);
+        let a = [d[0].abs(), d[1].abs(), d[2].abs()];
+        let reach = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let reach = reach.max(f32x16::splat(simd, extent[0].max(extent[1]).max(extent[2])));
+        let smallest = a[0].max(a[1]).max(a[2]) * slab::SMALLEST_COMPONENT;
+        for axis in 0..3 {
+            let inverse = one / a[axis].max(smallest).copysign(d[axis]);
+            let pad = inverse.abs() * reach * slab::PLANE_SLACK;
+            self.inverse[axis] = inverse.into();
+            self.near_shift[axis] = o[axis].mul_add(inverse, pad).into();
+            self.far_shift[axis] = o[axis].mul_sub(inverse, pad).into();
+        }
+        let x_is_largest = a[0].simd_gt(a[1]) & a[0].simd_gt(a[2]);
+        let y_is_largest = !x_is_largest & a[1].simd_gt(a[2]);
+        let turned = turn(d, x_is_largest, y_is_largest);
+        let [x, y, z] = turn(o, x_is_largest, y_is_largest);
+        self.sheared_origin = [x.into(), y.into(), z.into()];
+        let zero = u32x16::splat(simd, 0);
+        let axis = y_is_largest.select(u32x16::splat(simd, 1), u32x16::splat(simd, 2));
+        self.axis = x_is_largest.select(zero, axis).into();
+        self.shear =
+            [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
+    }
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, v: &[Lanes; 3]) -> Triple<S> {
+    [
+        f32x16::load_array_ref(simd, &v[0]),
+        f32x16::load_array_ref(simd, &v[1]),
+        f32x16::load_array_ref(simd, &v[2]),
+    ]
+}
+
+/// The components with the largest one's axis last, in cyclic order: (y, z, x), (z, x, y) or (x, y, z).
+#[inline(always)]
+fn turn<S: Simd>(v: Triple<S>, x_is_largest: mask32x16<S>, y_is_largest: mask32x16<S>) -> Triple<S> {
+    let [x, y, z] = v;
+    [
+        x_is_largest.select(y, y_is_largest.select(z, x)),
+        x_is_largest.select(z, y_is_largest.select(x, y)),
+        x_is_largest.select(x, y_is_largest.select(y, z)),
+    ]
+}
+
+#[inline(always)]
+fn column(v: &[Lanes; 3], lane: usize) -> [f32; 3] {
+    let lane = lane & (LANES - 1);
+    [v[0][lane], v[1][lane], v[2][lane]]
+}
