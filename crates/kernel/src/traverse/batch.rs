@@ -4,12 +4,11 @@ use fearless_simd::{Level, Simd};
 use super::{
     instances,
     local::LocalRay,
-    packet::{LANES, Packet, Visit},
-    single::Candidate,
+    packet::{Packet, Visit},
+    settle::{LANES, Lanes, MeshOf},
     stack::Stack,
 };
 use crate::{
-    layout::WIDTH,
     object::Object,
     ray::{Hit, PathId, Ray},
     triangle_bvh::TriangleBvh,
@@ -30,6 +29,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         return;
     };
     let mut packets = Packets::new();
+    let mut mesh = MeshOf::default();
     for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
         hits.fill(Hit::MISS);
         let sorted = Octants::sort(rays, hits.len());
@@ -37,19 +37,11 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
             for indices in sorted.rays_of(octant).chunks(LANES) {
                 packets.load(rays, indices);
                 packets.packet.trace::<S, false>(simd, bvh, octant, &mut packets.visits, &mut stack);
+                let words = packets.packet.hits(simd, bvh, &packets.t_end, &mut mesh);
                 for (lane, &index) in indices.iter().enumerate() {
-                    let id = packets.packet.id[lane];
-                    if id == Packet::NONE {
-                        continue;
+                    if packets.packet.id[lane] != Packet::NONE {
+                        hits[usize::from(index)] = words.hit(lane, PathId::ROOT);
                     }
-                    let i = usize::from(index);
-                    let local = packets.packet.ray(lane);
-                    let candidate = Candidate {
-                        t: packets.packet.t_max[lane],
-                        block: id as usize / WIDTH,
-                        lane: id as usize % WIDTH,
-                    };
-                    hits[i] = instances::settle(bvh, &local, candidate, PathId::ROOT, rays[i].t_max);
                 }
             }
         }
@@ -92,12 +84,14 @@ fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
 /// Buffers for packets.
 struct Packets {
     packet: Packet,
+    /// Where each ray ends.
+    t_end: Lanes,
     visits: Vec<Visit>,
 }
 
 impl Packets {
     fn new() -> Self {
-        Self { packet: Packet::EMPTY, visits: Vec::with_capacity(64) }
+        Self { packet: Packet::EMPTY, t_end: [0.0; LANES], visits: Vec::with_capacity(64) }
     }
 
     #[inline(always)]
@@ -109,6 +103,7 @@ impl Packets {
                 self.packet.push(&local, ray.t_max);
             }
         }
+        self.t_end = self.packet.t_max;
     }
 }
 

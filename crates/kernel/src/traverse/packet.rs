@@ -5,27 +5,24 @@
 //! Wald, Woop, Ernst and Mark 2012, "Combining single and packet-ray tracing for arbitrary ray distributions"]. So
 //! unrelated rays lose nothing: they share the top of the tree and part below it.
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
-use glam::Vec3A;
 
 use super::{
     local::LocalRay,
+    settle::{self, Gathered, LANES, Lanes, MeshOf, Projection, Triple, Words},
     shear::Shear,
     single,
     slab::{self, Slab},
     stack::Stack,
 };
 use crate::{
-    layout::{Child, Node, WIDTH},
+    layout::{Block, Child, Node, WIDTH},
     triangle_bvh::TriangleBvh,
 };
 
-/// Rays in a packet.
-pub(super) const LANES: usize = 16;
 /// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
 const FEW: u32 = 4;
-
-type Lanes = [f32; LANES];
-type Triple<S> = [f32x16<S>; 3];
+/// From so many lanes on, triangles go one by one through all lanes rather than rays one by one through 8 triangles.
+const MANY: u32 = 8;
 
 /// Up to 16 rays of one sign octant, set up for box and triangle tests.
 #[repr(C, align(64))]
@@ -41,9 +38,11 @@ pub(super) struct Packet {
     near_shift: [Lanes; 3],
     far_shift: [Lanes; 3],
     /// Triangle test: the largest component's axis, the origin with that axis last, and the shear.
-    pub axis: [u32; LANES],
-    pub sheared_origin: [Lanes; 3],
-    pub shear: [Lanes; 3],
+    axis: [u32; LANES],
+    sheared_origin: [Lanes; 3],
+    shear: [Lanes; 3],
+    /// The lanes whose largest component is along the same axis as lane 0's.
+    alike: u16,
     len: usize,
 }
 
@@ -69,6 +68,7 @@ impl Packet {
         axis: [0; LANES],
         sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
+        alike: 0,
         len: 0,
     };
 
@@ -87,18 +87,6 @@ impl Packet {
         }
         (self.t_min[lane], self.t_max[lane]) = (ray.t_min, t_max);
         self.len = lane + 1;
-    }
-
-    /// Ray `lane` again.
-    #[inline(always)]
-    pub(super) fn ray(&self, lane: usize) -> LocalRay {
-        let lane = lane & (LANES - 1);
-        let (origin, direction) = (column(&self.origin, lane), column(&self.direction, lane));
-        LocalRay {
-            origin: Vec3A::from_array(origin),
-            direction: Vec3A::from_array(direction),
-            t_min: self.t_min[lane],
-        }
     }
 
     /// Finds the closest hit of each ray, or with `ANY` some hit; returns nothing, the answers are in `id` and `t_max`.
@@ -126,6 +114,13 @@ impl Packet {
             let wanting = enter.simd_lt(t_max);
             let bits = wanting.to_bitmask() as u16;
             if bits == 0 {
+                continue;
+            }
+            if visit.child.is_leaf() && bits.count_ones() >= MANY && bits & !self.alike == 0 {
+                let (first, end) = visit.child.block_range();
+                for block in first..end {
+                    self.together::<S, ANY>(simd, bvh, block, bits);
+                }
                 continue;
             }
             if bits.count_ones() <= FEW || visit.child.is_leaf() {
@@ -175,6 +170,83 @@ impl Packet {
         }
         let leave = (leave * slab::FAR_SLACK).min(t_max);
         (enter, enter.simd_le(leave))
+    }
+
+    /// The lanes in `bits`, alike in their largest axis, against a block's triangles one by one: [`Shear::test`] with
+    /// the roles of rays and triangles exchanged, operation by operation, so that a mesh stays watertight.
+    #[inline(always)]
+    fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+        let mut place = None;
+        let triangles = bvh.blocks().get(block, &mut place);
+        let axes = [0, 1, 2].map(|i| (self.axis[0] as usize + 1 + i) % 3);
+        let origin = load(simd, &self.sheared_origin);
+        let shear = load(simd, &self.shear);
+        let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
+        let t_min = f32x16::load_array_ref(simd, &self.t_min);
+        let mut t_max = f32x16::load_array_ref(simd, &self.t_max);
+        let mut id = u32x16::load_array_ref(simd, &self.id);
+        let zero = f32x16::splat(simd, 0.0);
+        for lane in 0..WIDTH {
+            if triangles.triangle[lane] == Block::NO_TRIANGLE {
+                break;
+            }
+            let (ax, ay, az) = sheared(simd, triangles, 0, lane, axes, origin, shear);
+            let (bx, by, bz) = sheared(simd, triangles, 1, lane, axes, origin, shear);
+            let (cx, cy, cz) = sheared(simd, triangles, 2, lane, axes, origin, shear);
+            let u = cx * by - cy * bx;
+            let v = ax * cy - ay * cx;
+            let w = bx * ay - by * ax;
+            let inside = u.min(v).min(w).simd_ge(zero) | u.max(v).max(w).simd_le(zero);
+            let inside = inside & wanted;
+            if inside.to_bitmask() == 0 {
+                continue;
+            }
+            let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
+            let t = depth / (u + v + w);
+            let hit = inside & t.simd_gt(t_min) & t.simd_lt(t_max);
+            t_max = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, t_max);
+            id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
+        }
+        self.t_max = t_max.into();
+        self.id = id.into();
+    }
+
+    /// The hits of the lanes that found something; `t_end` is where each ray ends.
+    #[inline(always)]
+    pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, t_end: &Lanes, mesh: &mut MeshOf) -> Words {
+        let mut gathered = Gathered::EMPTY;
+        for lane in 0..LANES {
+            let id = self.id[lane];
+            if id == Self::NONE {
+                continue;
+            }
+            let mut place = None;
+            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
+            let (from, axis) = (id as usize % WIDTH, self.axis[lane] as usize);
+            for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
+                for (i, lanes) in corner.iter_mut().enumerate() {
+                    lanes[lane] = vertex[(axis + 1 + i) % 3][from];
+                }
+            }
+            (gathered.geometry[lane], gathered.primitive[lane]) = mesh.locate(bvh, block.triangle[from]);
+        }
+        let [x, y, scale] = load(simd, &self.shear);
+        let projection = Projection {
+            origin: load(simd, &self.sheared_origin),
+            u: -x,
+            v: -y,
+            scale,
+            t: f32x16::load_array_ref(simd, &self.t_max),
+            t_min: f32x16::load_array_ref(simd, &self.t_min),
+            t_max: f32x16::load_array_ref(simd, t_end),
+        };
+        let exact = settle::exact(simd, &gathered.corners, &projection);
+        let axis = u32x16::load_array_ref(simd, &self.axis);
+        let x_is_last = axis.simd_eq(u32x16::splat(simd, 0));
+        let y_is_last = axis.simd_eq(u32x16::splat(simd, 1));
+        // Turning on by one and two places from (y, z, x) and (z, x, y) comes back to (x, y, z).
+        let normal = turn(exact.normal, y_is_last, x_is_last);
+        Words::new(simd, &exact, normal, &gathered)
     }
 
     /// The lanes in `bits` one by one through a subtree.
@@ -243,7 +315,9 @@ impl Packet {
         self.sheared_origin = [x.into(), y.into(), z.into()];
         let zero = u32x16::splat(simd, 0);
         let axis = y_is_largest.select(u32x16::splat(simd, 1), u32x16::splat(simd, 2));
-        self.axis = x_is_largest.select(zero, axis).into();
+        let axis = x_is_largest.select(zero, axis);
+        self.axis = axis.into();
+        self.alike = axis.simd_eq(u32x16::splat(simd, self.axis[0])).to_bitmask() as u16;
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
@@ -267,6 +341,25 @@ fn turn<S: Simd>(v: Triple<S>, x_is_largest: mask32x16<S>, y_is_largest: mask32x
         x_is_largest.select(z, y_is_largest.select(x, y)),
         x_is_largest.select(x, y_is_largest.select(y, z)),
     ]
+}
+
+/// A corner as one ray per lane sees it.
+#[inline(always)]
+fn sheared<S: Simd>(
+    simd: S,
+    block: &Block,
+    corner: usize,
+    lane: usize,
+    axes: [usize; 3],
+    origin: Triple<S>,
+    shear: Triple<S>,
+) -> (f32x16<S>, f32x16<S>, f32x16<S>) {
+    let [kx, ky, kz] = axes;
+    let vertex = &block.vertex[corner];
+    let z = f32x16::splat(simd, vertex[kz % 3][lane]) - origin[2];
+    let x = f32x16::splat(simd, vertex[kx % 3][lane]) - origin[0];
+    let y = f32x16::splat(simd, vertex[ky % 3][lane]) - origin[1];
+    (z.mul_add(shear[0], x), z.mul_add(shear[1], y), z)
 }
 
 #[inline(always)]
