@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("triangles {count}, build {:.0} ms, {:.2} Mtri/s", best * 1e3, count as f64 / best * 1e-6);
     println!("{:?}", tree.stats());
 
-    let plain = Arc::new(Object::new(Some(tree), Vec::new())?);
+    let plain = Arc::new(Object::new(Some(tree.into()), Vec::new())?);
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::new(1.0, 0.0, 2.0));
     let instance = Instance { object: plain.clone(), parent_from_object: turned, id: 0 };
     let placed = Arc::new(Object::new(None, vec![instance])?);

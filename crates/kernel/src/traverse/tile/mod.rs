@@ -2,6 +2,7 @@
 //!
 //! A common origin stays common under an affine map, so the same kernel serves every level of instances.
 mod collect;
+mod kd;
 mod leaf;
 mod walk;
 mod work;
@@ -23,6 +24,7 @@ use crate::{
     ray::{Hit, PathId},
     tile::Tile,
     triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// Fewer rays than this on a face are traced singly.
@@ -262,15 +264,17 @@ fn one_face<S: Simd, const ANY: bool>(
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    if let Some(bvh) = &object.triangles
-        && !bvh.tree.nodes.is_empty()
-    {
-        triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
-        if ANY {
-            collect::occluded(simd, rays, work, answers);
-        } else {
-            collect::hits(simd, bvh, path, rays, work, answers);
+    match &object.triangles {
+        Some(Triangles::Bvh(bvh)) if !bvh.tree.nodes.is_empty() => {
+            triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
+            if ANY {
+                collect::occluded(simd, rays, work, answers);
+            } else {
+                collect::hits(simd, bvh, path, rays, work, answers);
+            }
         }
+        Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
+        _ => {}
     }
     if !object.instance_tree.nodes.is_empty() {
         nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
