@@ -1,11 +1,13 @@
 //! Measures the kernel on a generated room of about 280,000 triangles: build and ray rates of one thread.
 //!
-//! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so.
+//! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so,
+//! `ACCEL=kdtree` the kd-tree and `ACCEL=kdtree-median` the one with planes in the middle instead of the `bvh`.
 #![allow(clippy::print_stdout, reason = "a measuring program speaks on stdout")]
 use std::{error::Error, f32::consts::TAU, hint::black_box, sync::Arc, time::Instant};
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
+    BuildOptions, Hit, Instance, Isa, KdOptions, KdSplit, KdTree, Mesh, Object, Ray, RayQuery, Tile,
+    TriangleBvh, Triangles, World,
     glam::{Affine3A, Quat, Vec3},
 };
 
@@ -18,14 +20,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut best = f64::INFINITY;
     for _ in 0..5 {
         let start = Instant::now();
-        black_box(TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default())?);
+        black_box(build(std::slice::from_ref(&mesh))?);
         best = best.min(start.elapsed().as_secs_f64());
     }
-    let tree = Arc::new(TriangleBvh::build(&[mesh], &BuildOptions::default())?);
+    let tree = build(&[mesh])?;
     println!("triangles {count}, build {:.0} ms, {:.2} Mtri/s", best * 1e3, count as f64 / best * 1e-6);
-    println!("{:?}", tree.stats());
+    println!("{tree:?}");
 
-    let plain = Arc::new(Object::new(Some(tree.into()), Vec::new())?);
+    let plain = Arc::new(Object::new(Some(tree), Vec::new())?);
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::new(1.0, 0.0, 2.0));
     let instance = Instance { object: plain.clone(), parent_from_object: turned, id: 0 };
     let placed = Arc::new(Object::new(None, vec![instance])?);
@@ -42,6 +44,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         measure(&World::with_isa(placed.clone(), isa)?, turned, "placed");
     }
     Ok(())
+}
+
+/// The tree that `ACCEL` names.
+fn build(meshes: &[Mesh]) -> Result<Triangles, Box<dyn Error>> {
+    let kd = |split| KdTree::build(meshes, &KdOptions { split, ..KdOptions::default() });
+    Ok(match std::env::var("ACCEL").as_deref() {
+        Err(_) | Ok("bvh") => TriangleBvh::build(meshes, &BuildOptions::default())?.into(),
+        Ok("kdtree") => kd(KdSplit::Sah)?.into(),
+        Ok("kdtree-median") => kd(KdSplit::Median)?.into(),
+        Ok(other) => return Err(format!("ACCEL={other} is none of bvh, kdtree, kdtree-median").into()),
+    })
 }
 
 /// Prints rates in million rays per second of this thread's processor time, the best of some runs each.
