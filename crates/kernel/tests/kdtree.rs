@@ -25,7 +25,7 @@ fn leaves(tree: &KdTree) -> Vec<(Aabb, &[u32])> {
             }
             KdNodeKind::Inner { axis, split, children } => {
                 let (mut below, mut above) = (cell, cell);
-                assert!(cell.min[axis] < split && split < cell.max[axis], "a plane cuts its cell");
+                assert!(cell.min[axis] <= split && split <= cell.max[axis], "a plane meets its cell");
                 below.max[axis] = split;
                 above.min[axis] = split;
                 open.extend([(children, below), (children + 1, above)]);
@@ -126,8 +126,8 @@ fn the_heuristic_beats_the_middle() {
     let (sah, middle) =
         (build(&clusters).stats(), KdTree::build(&clusters, &median()).expect("valid").stats());
     assert!(sah.sah < 0.75 * middle.sah, "{sah:?} {middle:?}");
-    // A leaf with everything costs 20 per triangle.
-    assert!(sah.sah < 0.01 * 20.0 * 8000.0, "{sah:?}");
+    // A leaf with everything costs 15 per triangle.
+    assert!(sah.sah < 0.01 * 15.0 * 8000.0, "{sah:?}");
 }
 
 #[test]

@@ -3,6 +3,10 @@ use glam::Vec3A;
 
 use super::{KdTree, ray::KdRay};
 
+/// A power of two above the depth of any tree.
+const STACK: usize = 64;
+const _: () = assert!(STACK >= KdTree::MAX_DEPTH as usize);
+
 /// A far child that waits, with the part of the ray inside it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Waiting {
@@ -41,7 +45,7 @@ pub(crate) fn trace<const ANY: bool>(
     if enter > leave {
         return None;
     }
-    let mut waiting = [Waiting::default(); KdTree::MAX_DEPTH as usize];
+    let mut waiting = [Waiting::default(); STACK];
     let mut height = 0;
     let mut best = None;
     let mut limit = t_max;
@@ -60,7 +64,7 @@ pub(crate) fn trace<const ANY: bool>(
                 current = far;
             } else {
                 // The tree is no deeper than the stack; the remainder tells the compiler so.
-                waiting[height % waiting.len()] = Waiting { node: far, enter: begin_far.max(enter), leave };
+                waiting[height % STACK] = Waiting { node: far, enter: begin_far.max(enter), leave };
                 height += 1;
                 leave = end_near.min(leave);
                 current = near;
@@ -81,7 +85,7 @@ pub(crate) fn trace<const ANY: bool>(
                 return best;
             }
             height -= 1;
-            let next = waiting[height % waiting.len()];
+            let next = waiting[height % STACK];
             if next.enter < limit {
                 (current, enter, leave) = (next.node, next.enter, next.leave.min(limit));
                 break;

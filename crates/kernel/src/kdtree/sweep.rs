@@ -31,7 +31,7 @@ pub(super) fn half_area(cell: &Aabb) -> f64 {
     s.x * s.y + s.y * s.z + s.z * s.x
 }
 
-/// The cheapest plane along `axis` strictly inside `cell` by the surface area heuristic, if there is any plane.
+/// The cheapest plane along `axis` through `cell` by the surface area heuristic, if there is any plane.
 ///
 /// # References
 /// Wald and Havran 2006, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", algorithm 5.
@@ -64,14 +64,17 @@ pub(super) fn best_on_axis(
         let [ending, planar, starting] = count;
         right -= planar + ending;
         let position = first.position();
-        if lo < position && position < hi {
+        // A plane at an end of the cell may cut off a flat cell for the triangles that lie in it.
+        let (inside_left, inside_right) = (lo < position, position < hi);
+        if (inside_left && inside_right) || (planar > 0 && inside_left != inside_right) {
             let area_left = ends + rim * (f64::from(position) - f64::from(lo));
             let area_right = ends + rim * (f64::from(hi) - f64::from(position));
             let cost = |l: u32, r: u32| {
                 let sum = fixed + costs.intersection * (area_left * f64::from(l) + area_right * f64::from(r));
                 if l == 0 || r == 0 { sum * costs.empty } else { sum }
             };
-            let (into_left, into_right) = (cost(left + planar, right), cost(left, right + planar));
+            let into_left = if inside_right { cost(left + planar, right) } else { f64::INFINITY };
+            let into_right = if inside_left { cost(left, right + planar) } else { f64::INFINITY };
             let planar_left = into_left <= into_right;
             let cost = into_left.min(into_right);
             if cost < best_cost {
