@@ -63,9 +63,9 @@ impl<S: Simd> Packet<S> {
         let one = f32x16::splat(simd, 1.0);
         let largest = direction[0].abs().max(direction[1].abs()).max(direction[2].abs());
         let mut reach = f32x16::splat(simd, 0.0);
-        for axis in 0..3 {
-            let lo = f32x16::splat(simd, tree.bounds.min[axis]) - origin[axis];
-            let hi = f32x16::splat(simd, tree.bounds.max[axis]) - origin[axis];
+        for (axis, &from) in origin.iter().enumerate() {
+            let lo = f32x16::splat(simd, tree.bounds.min[axis]) - from;
+            let hi = f32x16::splat(simd, tree.bounds.max[axis]) - from;
             reach = reach.max(lo.abs()).max(hi.abs());
         }
         let (mut inverse, mut pad) = (direction, direction);

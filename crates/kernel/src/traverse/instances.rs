@@ -24,11 +24,9 @@ pub(super) fn closest<S: Simd>(
 ) -> bool {
     let mut found = false;
     if let Some(triangles) = &object.triangles
-        && let Some((t, corners, (geometry, primitive))) =
-            closest_triangle(simd, triangles, ray, hit.t, stack)
+        && let Some(nearest) = closest_triangle(simd, triangles, ray, path, hit.t, stack)
     {
-        let exact = finish::exact(ray, corners, t, hit.t);
-        *hit = Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path };
+        *hit = nearest;
         found = true;
     }
     if !object.instance_tree.nodes.is_empty() {
@@ -37,26 +35,29 @@ pub(super) fn closest<S: Simd>(
     found
 }
 
-/// The closest of the object's own triangles: distance, corners, and (geometry, primitive).
+/// The closest of the object's own triangles nearer than `t_max`.
 #[inline(always)]
 fn closest_triangle<S: Simd>(
     simd: S,
     triangles: &Triangles,
     ray: &LocalRay,
+    path: PathId,
     t_max: f32,
     stack: &mut Stack,
-) -> Option<(f32, [[f32; 3]; 3], (u32, u32))> {
-    match triangles {
+) -> Option<Hit> {
+    let (t, corners, (geometry, primitive)) = match triangles {
         Triangles::Bvh(bvh) => {
             let best = single::closest(simd, bvh, ray, t_max, stack)?;
             let block = &bvh.blocks[best.block];
-            Some((best.t, block.corners(best.lane), bvh.locate(block.triangle[best.lane & 7])))
+            (best.t, block.corners(best.lane), bvh.locate(block.triangle[best.lane & 7]))
         }
         Triangles::KdTree(tree) => {
             let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, t_max)?;
-            Some((best.t, tree.corners()[best.index as usize], tree.identify(best.index)?))
+            (best.t, tree.corners()[best.index as usize], tree.identify(best.index)?)
         }
-    }
+    };
+    let exact = finish::exact(ray, corners, t, t_max);
+    Some(Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path })
 }
 
 #[inline(always)]
