@@ -93,14 +93,14 @@ impl<S: Simd> Packet<S> {
         ]
     }
 
-    /// Finds the closest triangle for each ray of `lanes`; `ANY`: some triangle. All these rays must share the signs
-    /// `negative` (0 or 1 per axis) of their directions. `waiting` is empty before and after.
+    /// Finds the closest triangle for each ray of `lanes`; `ANY`: some triangle. The directions of all
+    /// these rays are negative along the axes whose bit in `negative` is set, and along no other. `waiting` is empty before and after.
     #[inline(always)]
     pub(crate) fn trace<const ANY: bool>(
         &mut self,
         tree: &KdTree,
         lanes: u16,
-        negative: [u32; 3],
+        negative: u32,
         waiting: &mut Vec<Waiting>,
     ) {
         let simd = self.t_min.token();
@@ -124,8 +124,8 @@ impl<S: Simd> Packet<S> {
                 let end_near = leave.min(t + self.pad[axis]);
                 let to_near = enter.simd_le(end_near).to_bitmask();
                 let to_far = begin_far.simd_le(leave).to_bitmask();
-                let near = node.payload() + negative[axis];
-                let far = node.payload() + (1 - negative[axis]);
+                let upper = negative >> axis & 1;
+                let (near, far) = (node.payload() + upper, node.payload() + (upper ^ 1));
                 if to_far == 0 {
                     current = near;
                 } else if to_near == 0 {

@@ -20,8 +20,8 @@ pub(super) struct KdRay {
     pub inverse: [f32; 3],
     /// Half the thickness of planes in the ray's parameter.
     pub pad: [f32; 3],
-    /// 1 where the direction is negative: the nearer child is then the upper one.
-    pub negative: [u32; 3],
+    /// Bit k: the direction is negative along axis k, where the nearer child is then the upper one.
+    pub negative: u32,
     /// Axis order of the shear: the last is the direction's largest component.
     axes: [usize; 3],
     /// Shear along the first two axes, and scale of the last.
@@ -46,13 +46,13 @@ impl KdRay {
         let inverse = size.max(smallest).copysign(direction).recip();
         let (lo, hi) = (Vec3A::from(tree.bounds.min) - origin, Vec3A::from(tree.bounds.max) - origin);
         let reach = lo.abs().max(hi.abs()).max_element();
-        let negative = inverse.cmplt(Vec3A::ZERO);
+        let negative = inverse.cmplt(Vec3A::ZERO).bitmask();
         let direction = direction.to_array();
         Self {
             origin: origin.to_array(),
             inverse: inverse.to_array(),
             pad: (inverse.abs() * (reach * PLANE_SLACK)).to_array(),
-            negative: [negative.test(0).into(), negative.test(1).into(), negative.test(2).into()],
+            negative,
             axes: [x, y, z],
             shear: [-direction[x] / direction[z], -direction[y] / direction[z], 1.0 / direction[z]],
             t_min,

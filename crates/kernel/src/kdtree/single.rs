@@ -56,8 +56,8 @@ pub(crate) fn trace<const ANY: bool>(
             let axis = node.axis() % 3;
             let t = (node.split() - ray.origin[axis]) * ray.inverse[axis];
             let (begin_far, end_near) = (t - ray.pad[axis], t + ray.pad[axis]);
-            let near = node.payload() + ray.negative[axis];
-            let far = node.payload() + (1 - ray.negative[axis]);
+            let upper = ray.negative >> axis & 1;
+            let (near, far) = (node.payload() + upper, node.payload() + (upper ^ 1));
             if begin_far > leave {
                 current = near;
             } else if end_near < enter {

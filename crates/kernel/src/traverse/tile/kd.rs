@@ -98,10 +98,11 @@ fn group<S: Simd, const ANY: bool>(
     let mut rest = used;
     while rest != 0 {
         let lane = rest.trailing_zeros() & 15;
-        let (mut same, mut signs) = (rest, [0; 3]);
-        for axis in 0..3 {
-            signs[axis] = u32::from(negative[axis] >> lane & 1);
-            same &= if signs[axis] == 1 { negative[axis] } else { !negative[axis] };
+        let (mut same, mut signs) = (rest, 0);
+        for (axis, negative) in negative.into_iter().enumerate() {
+            let sign = negative >> lane & 1;
+            signs |= u32::from(sign) << axis;
+            same &= if sign == 1 { negative } else { !negative };
         }
         rest &= !same;
         if same.count_ones() < FEW_RAYS {
