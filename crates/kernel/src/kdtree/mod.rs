@@ -43,8 +43,8 @@ pub enum KdSplit {
 /// | field | unit | default | meaning |
 /// |---|---|---|---|
 /// | `split` | – | `Sah` | how planes are chosen |
-/// | `traversal_cost` | – | 15 | cost of a node, relative to … |
-/// | `intersection_cost` | – | 15 | … the cost of testing one triangle |
+/// | `traversal_cost` | – | 1.5 | cost of a node, relative to … |
+/// | `intersection_cost` | – | 1.0 | … the cost of testing one triangle |
 /// | `empty_bonus` | – | 0.2 | part of the cost taken off planes that cut off empty space |
 /// | `max_depth` | levels | 8 + 1.3 log₂ N | deepest leaf |
 /// | `median_leaf` | triangles | 3 | with `Median`: cells with no more are leaves |
@@ -72,8 +72,8 @@ impl Default for KdOptions {
     fn default() -> Self {
         Self {
             split: KdSplit::Sah,
-            traversal_cost: 15.0,
-            intersection_cost: 15.0,
+            traversal_cost: 1.5,
+            intersection_cost: 1.0,
             empty_bonus: 0.2,
             max_depth: None,
             median_leaf: 3,
