@@ -103,7 +103,7 @@ impl KdOptions {
 /// the leaves refer to. Building the same meshes gives the same bits for any number of threads. Hits are watertight,
 /// as those of [`TriangleBvh`].
 ///
-/// Memory: 8 B per node, 4 B per reference and 40 B per triangle; while building, about 100 B more per reference.
+/// Memory: 8 B per node, 4 B per reference and 40 B per triangle; building takes about 150 B more per reference.
 ///
 /// # References
 /// Wald and Havran 2006, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)"; Wald, Slusallek,
