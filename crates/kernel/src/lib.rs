@@ -6,7 +6,7 @@
 //!
 //! Results are watertight within an object: no ray slips between triangles that share an edge or a vertex. Input
 //! that is NaN, infinite or degenerate has a defined answer, stated with each type.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod aabb;
 mod build;
@@ -17,6 +17,7 @@ mod layout;
 mod mesh;
 mod object;
 mod oracle;
+mod prefetch;
 mod query;
 mod ray;
 mod tile;

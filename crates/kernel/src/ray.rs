@@ -63,6 +63,7 @@ impl PathId {
 }
 
 /// What a ray met first, or [`Hit::MISS`].
+#[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Ray parameter, in lengths of the ray's direction; `+∞` for a miss.

@@ -7,12 +7,14 @@ use crate::ray::Ray;
 ///
 /// Push rays in an order in which each run of 16 is compact (4×4 pixels, say): the kernel culls by runs of 16.
 /// Any order gives the same answers. Directions need not be unit vectors; `t` is measured in their lengths.
+// In this order and aligned, so that no group of 16 values straddles a cache line.
+#[repr(C, align(64))]
 #[derive(Clone, Debug)]
 pub struct Tile {
-    pub(crate) origin: Vec3,
     pub(crate) direction: [[f32; Tile::CAPACITY]; 3],
     pub(crate) t_min: [f32; Tile::CAPACITY],
     pub(crate) t_max: [f32; Tile::CAPACITY],
+    pub(crate) origin: Vec3,
     pub(crate) len: usize,
 }
 
@@ -22,7 +24,7 @@ impl Tile {
 
     /// An empty tile whose rays will start at `origin` (space of the world asked).
     #[must_use]
-    pub fn new(origin: Vec3) -> Self {
+    pub const fn new(origin: Vec3) -> Self {
         let zero = [0.0; Self::CAPACITY];
         Self { origin, direction: [zero; 3], t_min: zero, t_max: zero, len: 0 }
     }

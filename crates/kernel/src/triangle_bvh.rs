@@ -133,6 +133,12 @@ impl TriangleBvh {
         (mesh as u32, triangle - self.mesh_starts.get(mesh).copied().unwrap_or(0))
     }
 
+    /// Triangles of mesh `geometry`.
+    pub(crate) fn mesh_len(&self, geometry: u32) -> u32 {
+        let at = |i: usize| self.mesh_starts.get(i).copied().unwrap_or(0);
+        at(geometry as usize + 1) - at(geometry as usize)
+    }
+
     /// Every triangle that can be hit: corners and running number.
     pub(crate) fn triangles(&self) -> impl Iterator<Item = ([[f32; 3]; 3], u32)> + '_ {
         self.blocks.iter().flat_map(|block| {

@@ -1,23 +1,34 @@
 //! From the triangles that a tile settled on to hits: the intersection again, 16 rays at a time, in the form that
 //! is precise near the ray rather than cheap for many [Woop, Benthin and Wald 2013].
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, prelude::*, u32x16};
 
 use super::{
     Answers,
-    work::{Face, GROUP, LevelRays, Work},
+    work::{Face, GROUP, Rays, Work},
 };
 use crate::{
     layout::WIDTH,
     ray::{Hit, PathId},
+    tile::Tile,
     triangle_bvh::TriangleBvh,
 };
+
+/// Up to so many lanes that share a triangle are filled one by one.
+const FEW_LANES: u32 = 3;
 
 type Lanes = [f32; GROUP];
 type Triple<S> = [f32x16<S>; 3];
 
-/// The corners of each lane's triangle, in the face's axis order.
+type Corners = [[Lanes; 3]; 3];
+
+/// Each lane's triangle.
 #[repr(C, align(64))]
-struct Corners([[Lanes; 3]; 3]);
+struct Gathered {
+    /// In the face's axis order.
+    corners: Corners,
+    /// Running number.
+    triangle: [u32; GROUP],
+}
 
 /// What is exact about 16 hits; the normal is in the object's axis order.
 #[repr(C, align(64))]
@@ -34,30 +45,29 @@ pub(super) fn hits<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     path: PathId,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &Work,
     answers: &mut Answers<'_>,
 ) {
-    let mut corners = Corners([[[0.0; GROUP]; 3]; 3]);
+    let mut gathered = Gathered { corners: [[[0.0; GROUP]; 3]; 3], triangle: [0; GROUP] };
+    // Neighbouring rays mostly share a mesh.
+    let mut mesh = MeshOf::default();
     for g in 0..work.groups {
         let bits = found(simd, work, g);
         if bits == 0 {
             continue;
         }
-        gather(bvh, work.face, &work.id[g], bits, &mut corners);
-        let exact = intersect(simd, &corners, rays, work, g);
+        gathered.fill(simd, bvh, work.face, &work.id[g], bits);
+        let exact = intersect(simd, &gathered.corners, rays, work, g);
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
-            let i = g * GROUP + lane;
-            let slot = rays.slot[i];
-            let id = work.id[g][lane] as usize;
-            let (geometry, primitive) = bvh.locate(bvh.blocks[id / WIDTH].triangle[id % WIDTH]);
-            let hit = &mut answers.hits[usize::from(slot)];
+            let i = (g * GROUP + lane) & (Tile::CAPACITY - 1);
+            let (geometry, primitive) = mesh.locate(bvh, gathered.triangle[lane]);
             let ng = [exact.normal[0][lane], exact.normal[1][lane], exact.normal[2][lane]];
-            *hit = Hit {
-                t: inside(exact.t[lane], rays.t_min[i], hit.t),
+            let hit = Hit {
+                t: exact.t[lane],
                 u: exact.u[lane],
                 v: exact.v[lane],
                 ng: ng.into(),
@@ -65,14 +75,36 @@ pub(super) fn hits<S: Simd>(
                 primitive,
                 path,
             };
-            answers.set(slot);
+            answers.put(rays.slot[i], hit);
         }
+    }
+}
+
+/// The mesh that the last triangle was in.
+#[derive(Default)]
+struct MeshOf {
+    geometry: u32,
+    start: u32,
+    len: u32,
+}
+
+impl MeshOf {
+    /// As [`TriangleBvh::locate`], with a short cut for triangles of the same mesh as before.
+    #[inline(always)]
+    fn locate(&mut self, bvh: &TriangleBvh, triangle: u32) -> (u32, u32) {
+        let within = triangle.wrapping_sub(self.start);
+        if within < self.len {
+            return (self.geometry, within);
+        }
+        let (geometry, primitive) = bvh.locate(triangle);
+        *self = Self { geometry, start: triangle - primitive, len: bvh.mesh_len(geometry) };
+        (geometry, primitive)
     }
 }
 
 /// Marks all rays of `work` that found a triangle.
 #[inline(always)]
-pub(super) fn occluded<S: Simd>(simd: S, rays: &LevelRays, work: &Work, answers: &mut Answers<'_>) {
+pub(super) fn occluded<S: Simd>(simd: S, rays: Rays<'_>, work: &Work, answers: &mut Answers<'_>) {
     for g in 0..work.groups {
         let mut rest = found(simd, work, g);
         while rest != 0 {
@@ -86,36 +118,56 @@ pub(super) fn occluded<S: Simd>(simd: S, rays: &LevelRays, work: &Work, answers:
 /// The lanes of group `g` that found a triangle.
 #[inline(always)]
 fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
-    let id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
-    id.simd_lt(fearless_simd::u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
+    let id = u32x16::load_array_ref(simd, &work.id[g]);
+    id.simd_lt(u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
 }
 
-#[inline(always)]
-fn gather(bvh: &TriangleBvh, face: Face, ids: &[u32; GROUP], bits: u16, corners: &mut Corners) {
-    let [u, v, k] = face.axes;
-    let mut rest = bits;
-    while rest != 0 {
-        let lane = (rest.trailing_zeros() & 15) as usize;
-        rest &= rest - 1;
-        let id = ids[lane] as usize;
-        let vertex = &bvh.blocks[id / WIDTH].vertex;
-        for (to, from) in corners.0.iter_mut().zip(vertex) {
-            to[0][lane] = from[u % 3][id % WIDTH];
-            to[1][lane] = from[v % 3][id % WIDTH];
-            to[2][lane] = from[k % 3][id % WIDTH];
+impl Gathered {
+    /// Takes the triangles `ids` of the lanes in `bits`; triangles that several lanes share are read once.
+    #[inline(always)]
+    fn fill<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, face: Face, ids: &[u32; GROUP], bits: u16) {
+        let all = u32x16::load_array_ref(simd, ids);
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            let id = ids[lane];
+            let block = &bvh.blocks[id as usize / WIDTH];
+            let from = id as usize % WIDTH;
+            let same = all.simd_eq(u32x16::splat(simd, id));
+            let sharing = same.to_bitmask() as u16;
+            for (corner, vertex) in self.corners.iter_mut().zip(&block.vertex) {
+                for (lanes, axis) in corner.iter_mut().zip(face.axes) {
+                    let value = vertex[axis % 3][from];
+                    if sharing.count_ones() > FEW_LANES {
+                        let before = f32x16::load_array_ref(simd, lanes);
+                        *lanes = same.select(f32x16::splat(simd, value), before).into();
+                    } else {
+                        lanes[lane] = value;
+                    }
+                }
+            }
+            let triangle = block.triangle[from];
+            if sharing.count_ones() > FEW_LANES {
+                let before = u32x16::load_array_ref(simd, &self.triangle);
+                self.triangle = same.select(u32x16::splat(simd, triangle), before).into();
+                rest &= !sharing;
+            } else {
+                self.triangle[lane] = triangle;
+                rest &= rest - 1;
+            }
         }
     }
 }
 
 #[inline(always)]
-fn intersect<S: Simd>(simd: S, corners: &Corners, rays: &LevelRays, work: &Work, g: usize) -> Exact {
+fn intersect<S: Simd>(simd: S, corners: &Corners, rays: Rays<'_>, work: &Work, g: usize) -> Exact {
     let face = work.face;
     let [ku, kv, kk] = face.axes;
-    let origin = rays.origin.to_array();
+    let origin = rays.tile.origin.to_array();
     let origin = [origin[ku % 3], origin[kv % 3], origin[kk % 3]];
-    let a = relative(simd, &corners.0[0], origin);
-    let b = relative(simd, &corners.0[1], origin);
-    let c = relative(simd, &corners.0[2], origin);
+    let a = relative(simd, &corners[0], origin);
+    let b = relative(simd, &corners[1], origin);
+    let c = relative(simd, &corners[2], origin);
     let sign = f32x16::splat(simd, face.sign);
     let u = f32x16::load_array_ref(simd, &work.u[g]) * sign;
     let v = f32x16::load_array_ref(simd, &work.v[g]) * sign;
@@ -136,7 +188,7 @@ fn intersect<S: Simd>(simd: S, corners: &Corners, rays: &LevelRays, work: &Work,
     let bv = thin.select(third, w2 * inverse).min(one - bu);
     let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse * sign;
     let depth = thin.select(one / f32x16::load_array_ref(simd, &work.iz[g]), depth);
-    let t = depth / f32x16::load_array_ref(simd, &work.scale[g]);
+    let t = inside(simd, depth / f32x16::load_array_ref(simd, &work.scale[g]), rays, g);
     let normal = normal(simd, sub(b, a), sub(c, a));
     let mut exact = Exact { t: t.into(), u: bu.into(), v: bv.into(), normal: [[0.0; GROUP]; 3] };
     for (axis, n) in face.axes.into_iter().zip(normal) {
@@ -183,14 +235,15 @@ fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// `t` moved into the open interval, from which rounding may have pushed it.
+/// `t` moved into the open interval from `t_min` to `t_max`, from which rounding may have pushed it.
 #[inline(always)]
-fn inside(t: f32, t_min: f32, t_max: f32) -> f32 {
-    if t <= t_min {
-        t_min.next_up()
-    } else if t >= t_max {
-        t_max.next_down()
-    } else {
-        t
-    }
+fn inside<S: Simd>(simd: S, t: f32x16<S>, rays: Rays<'_>, g: usize) -> f32x16<S> {
+    let start = f32x16::load_array_ref(simd, &rays.tile.t_min.as_chunks::<GROUP>().0[g]);
+    let end = f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]);
+    let one = u32x16::splat(simd, 1);
+    // The next float: positive ones are ordered like their bits.
+    let after_start = (start.bitcast::<u32x16<S>>() + one).bitcast::<f32x16<S>>();
+    let before_end = (end.bitcast::<u32x16<S>>() - one).bitcast::<f32x16<S>>();
+    let t = t.simd_le(start).select(after_start, t);
+    t.simd_ge(end).select(before_end, t)
 }

@@ -1,10 +1,9 @@
 //! A tile's rays through a kd-tree, in packets of 16 with equal direction signs.
 use fearless_simd::{f32x16, prelude::*};
-use glam::Vec3A;
 
 use super::{
     Answers,
-    work::{GROUP, LevelRays, Work},
+    work::{GROUP, Rays, Work, mask16},
 };
 use crate::{
     kdtree::{
@@ -13,7 +12,7 @@ use crate::{
         single,
     },
     ray::{Hit, PathId},
-    traverse::{finish, local::LocalRay},
+    traverse::finish,
 };
 
 const _: () = assert!(LANES == GROUP);
@@ -21,13 +20,16 @@ const _: () = assert!(LANES == GROUP);
 /// Fewer rays than this with the same signs are traced singly.
 const FEW_RAYS: u32 = 3;
 
+/// What a ray found: distance, and index in the tree's store or [`Packet::NONE`].
+type Found = (f32, u32);
+
 /// Answers all of `rays` against `tree` and tells `work` what they found, for the instances to come.
 #[inline(always)]
 pub(super) fn triangles<S: Simd, const ANY: bool>(
     simd: S,
     tree: &KdTree,
     path: PathId,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &mut Work,
     answers: &mut Answers<'_>,
 ) {
@@ -35,20 +37,18 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
     for g in 0..work.groups {
         let found = group::<S, ANY>(simd, tree, rays, work, g, &mut waiting);
         let mut any = false;
-        for (lane, (t, index)) in found.into_iter().enumerate() {
+        for (lane, found) in found.into_iter().enumerate() {
             let i = g * GROUP + lane;
-            if index == Packet::<S>::NONE || i >= rays.len {
+            if found.1 == Packet::<S>::NONE || i >= rays.len {
                 continue;
             }
             any = true;
-            answers.set(rays.slot[i]);
             if ANY {
+                answers.set(rays.slot[i]);
                 work.iz[g][lane] = f32::INFINITY;
             } else {
-                let hit = &mut answers.hits[usize::from(rays.slot[i])];
-                let ray =
-                    LocalRay { origin: rays.origin, direction: rays.direction(i), t_min: rays.t_min[i] };
-                *hit = finished(tree, path, &ray, t, index, hit.t);
+                let hit = finished(tree, path, rays, i, found);
+                answers.put(rays.slot[i], hit);
                 work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
             }
         }
@@ -60,43 +60,29 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
 }
 
 #[inline(always)]
-fn finished(tree: &KdTree, path: PathId, ray: &LocalRay, t: f32, index: u32, t_max: f32) -> Hit {
-    let exact = finish::exact(ray, tree.corners()[index as usize], t, t_max);
+fn finished(tree: &KdTree, path: PathId, rays: Rays<'_>, i: usize, (t, index): Found) -> Hit {
+    let exact = finish::exact(&rays.ray(i), tree.corners()[index as usize], t, rays.tile.t_max[i]);
     let (geometry, primitive) = tree.identify(index).unwrap_or_default();
     Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path }
 }
 
-/// What the rays of group `g` found: distance, and index in the tree's store or [`Packet::NONE`].
+/// What the rays of group `g` found.
 #[inline(always)]
 fn group<S: Simd, const ANY: bool>(
     simd: S,
     tree: &KdTree,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &Work,
     g: usize,
     waiting: &mut Vec<Waiting>,
-) -> [(f32, u32); LANES] {
-    let [x, y, z] = rays.origin.to_array();
-    let origin = [f32x16::splat(simd, x), f32x16::splat(simd, y), f32x16::splat(simd, z)];
-    let mut direction = [
-        lanes_of(simd, &rays.direction[0], g),
-        lanes_of(simd, &rays.direction[1], g),
-        lanes_of(simd, &rays.direction[2], g),
-    ];
-    let used = (rays.len - g * GROUP).min(GROUP);
-    let used = ((1_u32 << used) - 1) as u16;
-    let lanes = fearless_simd::mask32x16::from_bitmask(simd, u64::from(used));
-    let first = rays.direction(g * GROUP).to_array();
-    for axis in 0..3 {
-        direction[axis] = lanes.select(direction[axis], f32x16::splat(simd, first[axis]));
-    }
-    let interval =
-        [lanes_of(simd, &rays.t_min, g).max(f32x16::splat(simd, 0.0)), lanes_of(simd, &rays.t_max, g)];
-    let mut packet = Packet::new(simd, tree, origin, direction, interval, work.face.axes);
+) -> [Found; LANES] {
+    let used = ((1_u32 << (rays.len - g * GROUP).min(GROUP)) - 1) as u16;
+    let mut packet = packet(simd, tree, rays, work, g, used);
     let negative = packet.negative();
     let mut alone = 0;
     let mut rest = used;
     while rest != 0 {
+        // The first ray that is left, and those with the same signs.
         let lane = rest.trailing_zeros() & 15;
         let (mut same, mut signs) = (rest, 0);
         for (axis, negative) in negative.into_iter().enumerate() {
@@ -119,15 +105,29 @@ fn group<S: Simd, const ANY: bool>(
     while alone != 0 {
         let lane = (alone.trailing_zeros() & 15) as usize;
         alone &= alone - 1;
-        let i = g * GROUP + lane;
-        let origin: Vec3A = rays.origin;
-        if let Some(best) =
-            single::trace::<ANY>(tree, origin, rays.direction(i), rays.t_min[i].max(0.0), rays.t_max[i])
-        {
+        let ray = rays.ray(g * GROUP + lane);
+        let t_max = rays.tile.t_max[g * GROUP + lane];
+        if let Some(best) = single::trace::<ANY>(tree, ray.origin, ray.direction, ray.t_min, t_max) {
             found[lane] = (best.t, best.index);
         }
     }
     found
+}
+
+/// The rays of group `g` in lanes; lanes that are not `used` repeat the first direction.
+#[inline(always)]
+fn packet<S: Simd>(simd: S, tree: &KdTree, rays: Rays<'_>, work: &Work, g: usize, used: u16) -> Packet<S> {
+    let lanes = mask16(simd, used);
+    let first = rays.direction(g * GROUP).to_array();
+    let [x, y, z] = rays.tile.origin.to_array();
+    let origin = [f32x16::splat(simd, x), f32x16::splat(simd, y), f32x16::splat(simd, z)];
+    let mut direction = origin;
+    for (axis, direction) in direction.iter_mut().enumerate() {
+        let own = lanes_of(simd, &rays.tile.direction[axis], g);
+        *direction = lanes.select(own, f32x16::splat(simd, first[axis]));
+    }
+    let interval = [lanes_of(simd, &rays.tile.t_min, g), lanes_of(simd, &rays.tile.t_max, g)];
+    Packet::new(simd, tree, origin, direction, interval, work.face.axes)
 }
 
 #[inline(always)]

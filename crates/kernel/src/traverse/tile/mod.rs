@@ -10,12 +10,11 @@ mod work;
 use std::cell::Cell;
 
 use fearless_simd::prelude::*;
-use glam::Vec3A;
 
 use self::{
     leaf::{Leaf, Setup, rays_in_box},
     walk::{Frame, Visit, next_leaf},
-    work::{Face, GROUP, LevelRays, Work},
+    work::{Face, GROUP, LevelRays, Rays, Work},
 };
 use super::{batch, instances, local::LocalRay, stack::Stack};
 use crate::{
@@ -42,29 +41,70 @@ struct Scratch {
 }
 
 struct Level {
-    /// All rays of the level, and those of the face at hand.
+    /// The level's own copy of its rays, where it needs one.
     rays: LevelRays,
+    faces: Faces,
+}
+
+/// Buffers for going face by face.
+struct Faces {
+    /// The rays of the face at hand, where there are several.
     chosen: LevelRays,
     work: Work,
 }
 
 /// Where answers go; `hits` is empty when only occlusion is asked.
 struct Answers<'a> {
+    /// Meaningful where `found` says so.
     hits: &'a mut [Hit],
     /// Slots that found something.
     found: Slots,
+    /// Those that did so since the last instance was entered.
+    below: Slots,
 }
 
 impl Answers<'_> {
     #[inline(always)]
     fn set(&mut self, slot: u8) {
-        self.found[usize::from(slot >> 6)] |= 1 << (slot & 63);
+        let (word, bit) = (usize::from(slot >> 6), 1 << (slot & 63));
+        self.found[word] |= bit;
+        self.below[word] |= bit;
+    }
+
+    /// Writes a hit that is nearer than what the slot has.
+    #[inline(always)]
+    fn put(&mut self, slot: u8, hit: Hit) {
+        if let Some(to) = self.hits.get_mut(usize::from(slot)) {
+            *to = hit;
+        }
+        self.set(slot);
+    }
+
+    /// How far a slot still looks: to its hit, or to the ray's end.
+    #[inline(always)]
+    fn limit(&self, slot: u8, t_max: f32) -> f32 {
+        if has(&self.found, slot) { self.hits[usize::from(slot)].t } else { t_max }
     }
 }
 
 #[inline(always)]
 fn has(slots: &Slots, slot: u8) -> bool {
     slots[usize::from(slot >> 6)] >> (slot & 63) & 1 != 0
+}
+
+/// The first `len` slots.
+#[inline(always)]
+fn first_slots(len: usize) -> Slots {
+    [0, 64, 128, 192].map(|start| match len.saturating_sub(start) {
+        0 => 0,
+        rest => u64::MAX >> (64 - rest.min(64)),
+    })
+}
+
+#[inline(always)]
+fn lowest(slots: &Slots) -> Option<usize> {
+    let word = slots.iter().position(|&word| word != 0)?;
+    Some(word * 64 + slots[word].trailing_zeros() as usize)
 }
 
 thread_local! {
@@ -103,7 +143,8 @@ impl Scratch {
 /// Apart, because the buffers pass over the stack on their way to the heap.
 #[inline(never)]
 fn fresh_level() -> Box<Level> {
-    Box::new(Level { rays: LevelRays::EMPTY, chosen: LevelRays::EMPTY, work: Work::EMPTY })
+    let faces = Faces { chosen: LevelRays::EMPTY, work: Work::EMPTY };
+    Box::new(Level { rays: LevelRays::EMPTY, faces })
 }
 
 #[inline(always)]
@@ -112,12 +153,10 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut
     let hits = &mut hits[..len];
     let mut scratch = reuse();
     let mut level = scratch.take();
-    load(simd, &mut level.rays, tile, len);
-    for (hit, &t_max) in hits.iter_mut().zip(&tile.t_max) {
-        *hit = Hit { t: t_max, ..Hit::MISS };
-    }
-    let mut answers = Answers { hits: &mut *hits, found: [0; 4] };
-    enter::<S, false>(simd, root, PathId::ROOT, &mut level, &mut answers, &mut scratch);
+    let mut answers = Answers { hits: &mut *hits, found: [0; 4], below: [0; 4] };
+    let Level { rays, faces } = &mut *level;
+    let rays = usable(simd, rays, tile, len);
+    enter::<S, false>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     for (word, found) in answers.found.into_iter().enumerate() {
         let mut missed = !found;
         while missed != 0 {
@@ -137,43 +176,36 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &
     let len = tile.len().min(occluded.len());
     let mut scratch = reuse();
     let mut level = scratch.take();
-    load(simd, &mut level.rays, tile, len);
-    let mut answers = Answers { hits: &mut [], found: [0; 4] };
-    enter::<S, true>(simd, root, PathId::ROOT, &mut level, &mut answers, &mut scratch);
+    let mut answers = Answers { hits: &mut [], found: [0; 4], below: [0; 4] };
+    let Level { rays, faces } = &mut *level;
+    let rays = usable(simd, rays, tile, len);
+    enter::<S, true>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     for (i, out) in occluded[..len].iter_mut().enumerate() {
         *out = has(&answers.found, i as u8);
     }
     keep(scratch, level);
 }
 
-/// Takes over the rays that can hit something.
+/// The rays that can hit something: mostly all of them, else copied to `some`.
 #[inline(always)]
-fn load<S: Simd>(simd: S, rays: &mut LevelRays, tile: &Tile, len: usize) {
-    rays.origin = tile.origin.into();
-    rays.len = 0;
-    if !LocalRay::origin_in_range(rays.origin) {
-        return;
+fn usable<'a, S: Simd>(simd: S, some: &'a mut LevelRays, tile: &'a Tile, len: usize) -> Rays<'a> {
+    let in_range = LocalRay::origin_in_range(tile.origin.into());
+    if in_range && work::all_usable(simd, tile, len) {
+        return Rays { tile, slot: &IDENTITY, len };
     }
-    let usable = work::usable(simd, tile, len);
-    if usable {
-        rays.direction = tile.direction;
-        rays.t_min = tile.t_min;
-        rays.t_max = tile.t_max;
-        rays.slot = IDENTITY;
-        rays.len = len;
-        return;
-    }
+    some.tile.restart(tile.origin);
     for i in 0..len {
-        let direction = Vec3A::new(tile.direction[0][i], tile.direction[1][i], tile.direction[2][i]);
-        let ray = LocalRay { origin: rays.origin, direction, t_min: tile.t_min[i].max(0.0) };
+        let all = Rays { tile, slot: &IDENTITY, len };
+        let ray = LocalRay { t_min: tile.t_min[i].max(0.0), ..all.ray(i) };
         if ray.in_range() && !tile.t_min[i].is_nan() && ray.t_min < tile.t_max[i] {
-            rays.push(direction, ray.t_min, tile.t_max[i], i as u8);
+            some.push(ray.direction, ray.t_min, tile.t_max[i], i as u8);
         }
     }
+    some.rays()
 }
 
 /// Slots of a tile that is taken over whole.
-const IDENTITY: [u8; Tile::CAPACITY] = {
+static IDENTITY: [u8; Tile::CAPACITY] = {
     let mut slots = [0; Tile::CAPACITY];
     let mut i = 0;
     while i < Tile::CAPACITY {
@@ -183,49 +215,43 @@ const IDENTITY: [u8; Tile::CAPACITY] = {
     slots
 };
 
-/// Answers `level.rays` in `object`, face by face.
+/// Answers `rays` in `object`, face by face.
 #[inline(always)]
 fn run<S: Simd, const ANY: bool>(
     simd: S,
     object: &Object,
     path: PathId,
-    level: &mut Level,
+    rays: Rays<'_>,
+    faces: &mut Faces,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let Level { rays, chosen, work } = level;
-    while rays.len > 0 {
-        let mut face = Face::of(rays.mean_direction(simd));
-        let all = rays.all_on(simd, face);
-        if all {
-            std::mem::swap(rays, chosen);
-            rays.len = 0;
-        } else {
-            if !(0..rays.len).any(|i| face.takes(rays.direction(i))) {
-                face = Face::of(rays.direction(0));
-            }
-            choose(rays, chosen, face);
+    let Faces { chosen, work } = faces;
+    let mut face = Face::of(rays.mean_direction(simd));
+    if rays.all_on(simd, face) {
+        return one_face::<S, ANY>(simd, object, path, rays, face, work, answers, scratch);
+    }
+    let mut waiting = first_slots(rays.len);
+    while let Some(first) = lowest(&waiting) {
+        choose(rays, face, &mut waiting, chosen);
+        if !chosen.tile.is_empty() {
+            one_face::<S, ANY>(simd, object, path, chosen.rays(), face, work, answers, scratch);
         }
-        if chosen.len < FEW_RAYS {
-            few::<S, ANY>(simd, object, path, chosen, answers, scratch);
-        } else {
-            work.project(simd, chosen, face);
-            one_face::<S, ANY>(simd, object, path, chosen, work, answers, scratch);
-        }
+        // A face takes the ray that it is the face of: the next round gets on.
+        face = Face::of(rays.direction(lowest(&waiting).unwrap_or(first)));
     }
 }
 
-/// Moves the rays that `face` takes from `rays` to `chosen`.
+/// Moves the rays that `face` takes from the `waiting` ones to `chosen`.
 #[inline(always)]
-fn choose(rays: &mut LevelRays, chosen: &mut LevelRays, face: Face) {
-    chosen.len = 0;
-    chosen.origin = rays.origin;
-    let len = rays.len;
-    rays.len = 0;
-    for i in 0..len {
-        let (direction, t_min, t_max, slot) = (rays.direction(i), rays.t_min[i], rays.t_max[i], rays.slot[i]);
-        let to = if face.takes(direction) { &mut *chosen } else { &mut *rays };
-        to.push(direction, t_min, t_max, slot);
+fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRays) {
+    chosen.tile.restart(rays.tile.origin);
+    for i in 0..rays.len {
+        let direction = rays.direction(i);
+        if has(waiting, i as u8) && face.takes(direction) {
+            waiting[i / 64 & 3] &= !(1 << (i % 64));
+            chosen.push(direction, rays.tile.t_min[i], rays.tile.t_max[i], rays.slot[i]);
+        }
     }
 }
 
@@ -235,17 +261,19 @@ fn few<S: Simd, const ANY: bool>(
     simd: S,
     object: &Object,
     path: PathId,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
     for i in 0..rays.len {
-        let ray = LocalRay { origin: rays.origin, direction: rays.direction(i), t_min: rays.t_min[i] };
+        let ray = rays.ray(i);
         let slot = rays.slot[i];
         let found = if ANY {
-            batch::any_local(simd, object, &ray, rays.t_max[i], &mut scratch.single)
+            batch::any_local(simd, object, &ray, rays.tile.t_max[i], &mut scratch.single)
         } else {
+            let t = answers.limit(slot, rays.tile.t_max[i]);
             let hit = &mut answers.hits[usize::from(slot)];
+            hit.t = t;
             batch::closest_local(simd, object, &ray, path, hit, &mut scratch.single)
         };
         if found {
@@ -259,11 +287,16 @@ fn one_face<S: Simd, const ANY: bool>(
     simd: S,
     object: &Object,
     path: PathId,
-    rays: &LevelRays,
+    rays: Rays<'_>,
+    face: Face,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
+    if rays.len < FEW_RAYS {
+        return few::<S, ANY>(simd, object, path, rays, answers, scratch);
+    }
+    work.project(simd, rays, face);
     match &object.triangles {
         Some(Triangles::Bvh(bvh)) if !bvh.tree.nodes.is_empty() => {
             triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
@@ -286,15 +319,15 @@ fn one_face<S: Simd, const ANY: bool>(
 fn triangles<S: Simd, const ANY: bool>(
     simd: S,
     bvh: &TriangleBvh,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &mut Work,
     visits: &mut Vec<Visit>,
 ) {
-    let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
+    let frame = Frame::new(rays.tile.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
-    while let Some(visit) = next_leaf(simd, &bvh.tree, &frame, work, visits, mark) {
+    while let Some(visit) = next_leaf(simd, &bvh.tree, &bvh.blocks[..], &frame, work, visits, mark) {
         let range = frame.box_range(&bvh.tree.nodes[visit.node as usize], usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
         let leaf = Leaf::new(simd, &frame, &bvh.blocks, &range, visit.mask, work);
@@ -322,15 +355,17 @@ fn nested<S: Simd, const ANY: bool>(
     simd: S,
     object: &Object,
     path: PathId,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let frame = Frame::new(rays.origin.to_array(), object.instance_tree.extent, work);
+    let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.extent, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
-    while let Some(visit) = next_leaf(simd, &object.instance_tree, &frame, work, &mut scratch.visits, mark) {
+    while let Some(visit) =
+        next_leaf(simd, &object.instance_tree, &object.instances[..], &frame, work, &mut scratch.visits, mark)
+    {
         let placed = &object.instances[visit.child.payload() as usize];
         let range =
             frame.box_range(&object.instance_tree.nodes[visit.node as usize], usize::from(visit.lane));
@@ -340,10 +375,11 @@ fn nested<S: Simd, const ANY: bool>(
         }
         let mut level = scratch.take();
         if descend::<ANY>(placed, rays, &wanted, answers, &mut level.rays) {
-            let before = std::mem::take(&mut answers.found);
+            let before = std::mem::take(&mut answers.below);
             let path = PathId(path.0 + placed.path_offset);
-            enter::<S, ANY>(simd, &placed.instance.object, path, &mut level, answers, scratch);
-            let below = std::mem::replace(&mut answers.found, before);
+            let Level { rays: below, faces } = &mut *level;
+            enter::<S, ANY>(simd, &placed.instance.object, path, below.rays(), faces, answers, scratch);
+            let below = std::mem::replace(&mut answers.below, before);
             merge::<S, ANY>(simd, placed, rays, work, mask, &below, answers);
         }
         scratch.levels.push(level);
@@ -358,27 +394,27 @@ fn nested<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn descend<const ANY: bool>(
     placed: &PlacedInstance,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     wanted: &[u16; GROUP],
     answers: &Answers<'_>,
     below: &mut LevelRays,
 ) -> bool {
     let map = &placed.object_from_parent;
-    below.len = 0;
-    below.origin = map.transform_point3a(rays.origin);
+    let origin = map.transform_point3a(rays.tile.origin.into());
+    below.tile.restart(origin.into());
     for i in 0..rays.len {
         if wanted[i / GROUP] >> (i % GROUP) & 1 == 0 {
             continue;
         }
         let slot = rays.slot[i];
-        let t_max = if ANY { rays.t_max[i] } else { answers.hits[usize::from(slot)].t };
+        let t_max = if ANY { rays.tile.t_max[i] } else { answers.limit(slot, rays.tile.t_max[i]) };
         let direction = map.transform_vector3a(rays.direction(i));
-        let local = LocalRay { origin: below.origin, direction, t_min: rays.t_min[i] };
+        let local = LocalRay { origin, direction, t_min: rays.tile.t_min[i] };
         if local.in_range() {
-            below.push(direction, rays.t_min[i], t_max, slot);
+            below.push(direction, rays.tile.t_min[i], t_max, slot);
         }
     }
-    below.len > 0
+    !below.tile.is_empty()
 }
 
 /// A call of its own, so that nesting recurses; it takes the instruction set along.
@@ -387,13 +423,14 @@ fn enter<S: Simd, const ANY: bool>(
     simd: S,
     object: &Object,
     path: PathId,
-    level: &mut Level,
+    rays: Rays<'_>,
+    faces: &mut Faces,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
     simd.vectorize(
         #[inline(always)]
-        || run::<S, ANY>(simd, object, path, level, answers, scratch),
+        || run::<S, ANY>(simd, object, path, rays, faces, answers, scratch),
     );
 }
 
@@ -402,7 +439,7 @@ fn enter<S: Simd, const ANY: bool>(
 fn merge<S: Simd, const ANY: bool>(
     simd: S,
     placed: &PlacedInstance,
-    rays: &LevelRays,
+    rays: Rays<'_>,
     work: &mut Work,
     mask: u16,
     below: &Slots,

@@ -7,7 +7,9 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 use super::work::{Face, GROUP, Work};
 use crate::{
     build::wide::WideTree,
-    layout::{Child, Node},
+    layout::{Block, Child, Node},
+    object::PlacedInstance,
+    prefetch::prefetch,
 };
 
 /// Widening of boxes in units of the largest coordinate, as for single rays.
@@ -143,11 +145,35 @@ pub(super) fn meet<S: Simd>(
     (right & left) & (above & below)
 }
 
+/// What the leaves of a tree stand for: fetched ahead when a visit is put on the stack.
+pub(super) trait Leaves {
+    fn prefetch(&self, leaf: Child);
+}
+
+impl Leaves for [Block] {
+    #[inline(always)]
+    fn prefetch(&self, leaf: Child) {
+        let (first, end) = leaf.block_range();
+        prefetch(self, first);
+        if end > first + 1 {
+            prefetch(self, first + 1);
+        }
+    }
+}
+
+impl Leaves for [PlacedInstance] {
+    #[inline(always)]
+    fn prefetch(&self, leaf: Child) {
+        prefetch(self, leaf.payload() as usize);
+    }
+}
+
 /// Goes on to the next leaf that some group still wants, or `None` at the end. The caller has pushed the root.
 #[inline(always)]
 pub(super) fn next_leaf<S: Simd>(
     simd: S,
     tree: &WideTree,
+    leaves: &(impl Leaves + ?Sized),
     frame: &Frame,
     work: &Work,
     stack: &mut Vec<Visit>,
@@ -162,7 +188,7 @@ pub(super) fn next_leaf<S: Simd>(
         if visit.child.is_leaf() {
             return Some(visit);
         }
-        open(simd, tree, frame, work, &visit, stack);
+        open(simd, tree, leaves, frame, work, &visit, stack);
     }
     None
 }
@@ -172,6 +198,7 @@ pub(super) fn next_leaf<S: Simd>(
 fn open<S: Simd>(
     simd: S,
     tree: &WideTree,
+    leaves: &(impl Leaves + ?Sized),
     frame: &Frame,
     work: &Work,
     visit: &Visit,
@@ -197,13 +224,13 @@ fn open<S: Simd>(
         let met = meet(simd, &range, frame.slack, [&work.u0, &work.u1], [&work.v0, &work.v1]);
         let mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
         if mask != 0 {
-            let (node, lane) = (visit.child.0, lane as u8);
-            stack.push(Visit { child: node_child(tree, node, lane), depth: range.near, mask, lane, node });
+            let child = node.child[lane];
+            if child.is_leaf() {
+                leaves.prefetch(child);
+            } else {
+                prefetch(&tree.nodes, child.0 as usize);
+            }
+            stack.push(Visit { child, depth: range.near, mask, lane: lane as u8, node: visit.child.0 });
         }
     }
-}
-
-#[inline(always)]
-fn node_child(tree: &WideTree, node: u32, lane: u8) -> Child {
-    tree.nodes[node as usize].child[usize::from(lane & 7)]
 }

@@ -3,7 +3,7 @@
 //! The dominant axis k points away from the origin; a ray is (u, v) = its direction over its k component, and a
 //! depth K along k is kept as its reciprocal `iz`, which is linear over a triangle. A larger `iz` is nearer.
 use fearless_simd::{f32x16, prelude::*};
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 use crate::{tile::Tile, traverse::local::LocalRay};
 
@@ -17,40 +17,38 @@ const REACH_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 /// One value per ray of a tile, by group and lane.
 pub(super) type PerRay<T> = [[T; GROUP]; GROUP];
 
-/// Rays in the space of the object at hand; `slot` is the ray's place in the caller's tile.
-#[repr(align(64))]
-#[derive(Clone, Debug)]
-pub(super) struct LevelRays {
-    pub origin: Vec3A,
-    pub direction: [[f32; Tile::CAPACITY]; 3],
-    pub t_min: [f32; Tile::CAPACITY],
-    pub t_max: [f32; Tile::CAPACITY],
-    pub slot: [u8; Tile::CAPACITY],
+/// Rays in the space of the object at hand; `slot` is each ray's place in the caller's tile.
+#[derive(Clone, Copy)]
+pub(super) struct Rays<'a> {
+    pub tile: &'a Tile,
+    pub slot: &'a [u8; Tile::CAPACITY],
     pub len: usize,
 }
 
+/// A buffer of such rays.
+#[repr(align(64))]
+pub(super) struct LevelRays {
+    pub tile: Tile,
+    pub slot: [u8; Tile::CAPACITY],
+}
+
 impl LevelRays {
-    pub(super) const EMPTY: Self = Self {
-        origin: Vec3A::ZERO,
-        direction: [[0.0; Tile::CAPACITY]; 3],
-        t_min: [0.0; Tile::CAPACITY],
-        t_max: [0.0; Tile::CAPACITY],
-        slot: [0; Tile::CAPACITY],
-        len: 0,
-    };
+    pub(super) const EMPTY: Self = Self { tile: Tile::new(Vec3::ZERO), slot: [0; Tile::CAPACITY] };
 
     #[inline(always)]
     pub(super) fn push(&mut self, direction: Vec3A, t_min: f32, t_max: f32, slot: u8) {
-        let i = self.len & (Tile::CAPACITY - 1);
-        self.direction[0][i] = direction.x;
-        self.direction[1][i] = direction.y;
-        self.direction[2][i] = direction.z;
-        self.t_min[i] = t_min;
-        self.t_max[i] = t_max;
-        self.slot[i] = slot;
-        self.len = i + 1;
+        if let Some(i) = self.tile.push_interval(direction.into(), t_min, t_max) {
+            self.slot[i & (Tile::CAPACITY - 1)] = slot;
+        }
     }
 
+    #[inline(always)]
+    pub(super) fn rays(&self) -> Rays<'_> {
+        Rays { tile: &self.tile, slot: &self.slot, len: self.tile.len }
+    }
+}
+
+impl Rays<'_> {
     /// The sum of all directions.
     #[inline(always)]
     pub(super) fn mean_direction<S: Simd>(&self, simd: S) -> Vec3A {
@@ -58,7 +56,7 @@ impl LevelRays {
         let mut sum = [zero; 3];
         for (axis, sum) in sum.iter_mut().enumerate() {
             for g in 0..self.len.div_ceil(GROUP) {
-                let d = f32x16::load_array_ref(simd, &self.direction[axis].as_chunks::<GROUP>().0[g]);
+                let d = f32x16::load_array_ref(simd, &self.tile.direction[axis].as_chunks::<GROUP>().0[g]);
                 *sum += first_lanes(simd, self.len - g * GROUP).select(d, zero);
             }
         }
@@ -68,7 +66,7 @@ impl LevelRays {
     /// Whether `face` takes every ray.
     #[inline(always)]
     pub(super) fn all_on<S: Simd>(&self, simd: S, face: Face) -> bool {
-        let [u, v, k] = face.axes.map(|axis| self.direction[axis % 3].as_chunks::<GROUP>().0);
+        let [u, v, k] = face.axes.map(|axis| self.tile.direction[axis % 3].as_chunks::<GROUP>().0);
         let mut outside = 0;
         for g in 0..self.len.div_ceil(GROUP) {
             let across =
@@ -82,7 +80,15 @@ impl LevelRays {
 
     #[inline(always)]
     pub(super) fn direction(&self, i: usize) -> Vec3A {
-        Vec3A::new(self.direction[0][i], self.direction[1][i], self.direction[2][i])
+        let [x, y, z] = &self.tile.direction;
+        Vec3A::new(x[i], y[i], z[i])
+    }
+
+    /// Ray `i` on its own.
+    #[inline(always)]
+    pub(super) fn ray(&self, i: usize) -> LocalRay {
+        let t_min = self.tile.t_min[i];
+        LocalRay { origin: self.tile.origin.into(), direction: self.direction(i), t_min }
     }
 }
 
@@ -167,10 +173,10 @@ impl Work {
 
     /// Projects `rays`, all of which `face` takes.
     #[inline(always)]
-    pub(super) fn project<S: Simd>(&mut self, simd: S, rays: &LevelRays, face: Face) {
-        let [u, v, k] = face.axes.map(|axis| rays.direction[axis % 3].as_chunks::<GROUP>().0);
-        let t_min = rays.t_min.as_chunks::<GROUP>().0;
-        let t_max = rays.t_max.as_chunks::<GROUP>().0;
+    pub(super) fn project<S: Simd>(&mut self, simd: S, rays: Rays<'_>, face: Face) {
+        let [u, v, k] = face.axes.map(|axis| rays.tile.direction[axis % 3].as_chunks::<GROUP>().0);
+        let t_min = rays.tile.t_min.as_chunks::<GROUP>().0;
+        let t_max = rays.tile.t_max.as_chunks::<GROUP>().0;
         let one = f32x16::splat(simd, 1.0);
         let infinity = f32x16::splat(simd, f32::INFINITY);
         self.face = face;
@@ -252,7 +258,7 @@ impl Work {
 
 /// Whether the first `len` rays of a tile can all hit something, as far as their directions and intervals go.
 #[inline(always)]
-pub(super) fn usable<S: Simd>(simd: S, tile: &Tile, len: usize) -> bool {
+pub(super) fn all_usable<S: Simd>(simd: S, tile: &Tile, len: usize) -> bool {
     let [x, y, z] = &tile.direction;
     let (x, y, z) = (x.as_chunks::<GROUP>().0, y.as_chunks::<GROUP>().0, z.as_chunks::<GROUP>().0);
     let (t_min, t_max) = (tile.t_min.as_chunks::<GROUP>().0, tile.t_max.as_chunks::<GROUP>().0);
