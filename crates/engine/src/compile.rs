@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::Affine3A;
 use heliostat_kernel as kernel;
-use heliostat_kernel::{BuildError, BuildOptions, TriangleBvh, World};
+use heliostat_kernel::{BuildError, BuildOptions, KdOptions, KdTree, TriangleBvh, Triangles, World};
 use heliostat_scene::{
     ApplyReport, BackendError, Edit, Geometry, GeometryId, InstanceId, MaterialId, MaterialOverride,
     ObjectId, Progress, RebuildReason, Rebuilt, Scene, Target, TextureId,
@@ -16,6 +16,8 @@ use heliostat_shading::{
 };
 use rayon::prelude::*;
 
+use crate::engine::Accelerator;
+
 /// Most objects in the fully expanded tree of instances: each has an entry in the shader tables.
 const MAX_PLACEMENTS: u64 = 1 << 22;
 
@@ -24,13 +26,14 @@ const MAX_PLACEMENTS: u64 = 1 << 22;
 struct BuiltObject {
     /// What the triangle tree was built over.
     geometries: Vec<GeometryId>,
-    triangles: Option<Arc<TriangleBvh>>,
+    triangles: Option<Triangles>,
     object: Arc<kernel::Object>,
 }
 
 /// Everything compiled from a scene. Cloning shares all the data.
 #[derive(Clone)]
 pub(crate) struct Compiled {
+    accelerator: Accelerator,
     objects: BTreeMap<ObjectId, BuiltObject>,
     parents: BTreeMap<InstanceId, Option<ObjectId>>,
     world: World,
@@ -52,6 +55,7 @@ impl Default for Compiled {
         let shading =
             ShadingScene::new(Vec::new(), placements.clone(), std::iter::empty(), environment.clone(), None);
         Self {
+            accelerator: Accelerator::default(),
             objects: BTreeMap::new(),
             parents: BTreeMap::new(),
             world: World::empty(),
@@ -128,6 +132,11 @@ impl Dirty {
 }
 
 impl Compiled {
+    /// Nothing yet; trees will be of the kind given.
+    pub(crate) fn new(accelerator: Accelerator) -> Self {
+        Self { accelerator, ..Self::default() }
+    }
+
     pub(crate) fn world(&self) -> &World {
         &self.world
     }
@@ -222,7 +231,7 @@ impl Compiled {
                 object: Arc::new(kernel::Object::empty()),
             });
             if let Some((cause, reason)) = triangle_cause {
-                built.build_triangles(scene, id, cause, reason, report)?;
+                built.build_triangles(scene, id, self.accelerator, (cause, reason), report)?;
                 progress.advance(triangles(&id));
             }
             let name = format!("{id} ({:?})", scene.objects()[&id].name);
@@ -380,8 +389,8 @@ impl BuiltObject {
         &mut self,
         scene: &Scene,
         id: ObjectId,
-        cause: Target,
-        reason: RebuildReason,
+        accelerator: Accelerator,
+        (cause, reason): (Target, RebuildReason),
         report: &mut ApplyReport,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
@@ -406,8 +415,13 @@ impl BuiltObject {
         self.triangles = None;
         if count > 0 {
             let name = format!("{id} ({:?})", object.name);
-            let tree = TriangleBvh::build(&meshes, &BuildOptions::default());
-            self.triangles = Some(Arc::new(tree.map_err(|error| refused(&name, &error))?));
+            let tree = match accelerator {
+                Accelerator::Bvh => {
+                    TriangleBvh::build(&meshes, &BuildOptions::default()).map(Triangles::from)
+                }
+                Accelerator::KdTree => KdTree::build(&meshes, &KdOptions::default()).map(Triangles::from),
+            };
+            self.triangles = Some(tree.map_err(|error| refused(&name, &error))?);
             note(report, format!("triangle tree of {name}"), cause, reason, count, start);
         }
         Ok(())

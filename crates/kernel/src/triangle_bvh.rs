@@ -149,7 +149,7 @@ impl TriangleBvh {
 }
 
 /// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
-fn number_triangles(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
+pub(crate) fn number_triangles(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
     let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
     if count > TriangleBvh::MAX_TRIANGLES {
         return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
@@ -171,7 +171,7 @@ fn number_triangles(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
 }
 
 /// The bounds of a triangle, or `None` if it can never be hit.
-fn prim_ref(mesh: &Mesh, triangle: &[u32; 3], id: u32) -> Option<PrimRef> {
+pub(crate) fn prim_ref(mesh: &Mesh, triangle: &[u32; 3], id: u32) -> Option<PrimRef> {
     let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
     let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
     // Minima may drop a NaN, so ask each vertex.

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Isa, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World, glam::Vec3,
+    BuildOptions, Hit, Isa, KdOptions, KdTree, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World,
+    glam::Vec3,
 };
 
 /// Rounds of a randomised hunt: `default` in a normal run, more on demand through `HELIOSTAT_HUNT`.
@@ -45,9 +46,22 @@ impl Rng {
     }
 }
 
+/// Makes an object of meshes.
+pub(crate) type MakeObject = fn(&[Mesh]) -> Arc<Object>;
+
+/// One way to make an object for each accelerator.
+pub(crate) const ACCELERATORS: [MakeObject; 2] = [object, kd_object];
+
+/// Over a bounding volume hierarchy.
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
     let tree = TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes");
-    Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("no instances"))
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
+}
+
+/// Over a kd-tree.
+pub(crate) fn kd_object(meshes: &[Mesh]) -> Arc<Object> {
+    let tree = KdTree::build(meshes, &KdOptions::default()).expect("valid meshes");
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
 }
 
 /// `count` loose triangles of about `size` in a cube of half edge `scale` about `center`.

@@ -2,6 +2,7 @@
 //!
 //! A common origin stays common under an affine map, so the same kernel serves every level of instances.
 mod collect;
+mod kd;
 mod leaf;
 mod walk;
 mod work;
@@ -22,6 +23,7 @@ use crate::{
     ray::{Hit, PathId},
     tile::Tile,
     triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// Fewer rays than this on a face are traced singly.
@@ -295,15 +297,17 @@ fn one_face<S: Simd, const ANY: bool>(
         return few::<S, ANY>(simd, object, path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
-    if let Some(bvh) = &object.triangles
-        && !bvh.tree.nodes.is_empty()
-    {
-        triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
-        if ANY {
-            collect::occluded(simd, rays, work, answers);
-        } else {
-            collect::hits(simd, bvh, path, rays, work, answers);
+    match &object.triangles {
+        Some(Triangles::Bvh(bvh)) if !bvh.tree.nodes.is_empty() => {
+            triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
+            if ANY {
+                collect::occluded(simd, rays, work, answers);
+            } else {
+                collect::hits(simd, bvh, path, rays, work, answers);
+            }
         }
+        Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
+        _ => {}
     }
     if !object.instance_tree.nodes.is_empty() {
         nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
@@ -359,7 +363,9 @@ fn nested<S: Simd, const ANY: bool>(
     let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.extent, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
-    while let Some(visit) = next_leaf(simd, &object.instance_tree, &object.instances[..], &frame, work, &mut scratch.visits, mark) {
+    while let Some(visit) =
+        next_leaf(simd, &object.instance_tree, &object.instances[..], &frame, work, &mut scratch.visits, mark)
+    {
         let placed = &object.instances[visit.child.payload() as usize];
         let range =
             frame.box_range(&object.instance_tree.nodes[visit.node as usize], usize::from(visit.lane));
