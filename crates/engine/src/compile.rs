@@ -2,11 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use glam::Affine3A;
 use heliostat_kernel as kernel;
-use heliostat_kernel::{BuildError, BuildOptions, KdOptions, KdTree, TriangleBvh, Triangles, World};
+use heliostat_kernel::{
+    BuildError, BuildOptions, BuildProgress, KdOptions, KdTree, TriangleBvh, Triangles, World,
+};
 use heliostat_scene::{
     ApplyReport, BackendError, Edit, Geometry, GeometryId, InstanceId, MaterialId, MaterialOverride,
     ObjectId, Progress, RebuildReason, Rebuilt, Scene, Target, TextureId,
@@ -231,8 +234,10 @@ impl Compiled {
                 object: Arc::new(kernel::Object::empty()),
             });
             if let Some((cause, reason)) = triangle_cause {
-                built.build_triangles(scene, id, self.accelerator, (cause, reason), report)?;
-                progress.advance(triangles(&id));
+                let count = triangles(&id);
+                let watched = TreeProgress { progress, triangles: count, done: AtomicU64::new(0) };
+                built.build_triangles(scene, id, self.accelerator, (cause, reason), &watched, report)?;
+                watched.fraction(1.0);
             }
             let name = format!("{id} ({:?})", scene.objects()[&id].name);
             let start = Instant::now();
@@ -391,6 +396,7 @@ impl BuiltObject {
         id: ObjectId,
         accelerator: Accelerator,
         (cause, reason): (Target, RebuildReason),
+        progress: &TreeProgress<'_>,
         report: &mut ApplyReport,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
@@ -417,7 +423,8 @@ impl BuiltObject {
             let name = format!("{id} ({:?})", object.name);
             let tree = match accelerator {
                 Accelerator::Bvh => {
-                    TriangleBvh::build(&meshes, &BuildOptions::default()).map(Triangles::from)
+                    let options = BuildOptions::default();
+                    TriangleBvh::build_with(&meshes, &options, progress).map(Triangles::from)
                 }
                 Accelerator::KdTree => KdTree::build(&meshes, &KdOptions::default()).map(Triangles::from),
             };
@@ -475,5 +482,48 @@ fn note(
 }
 
 fn refused(what: &str, error: &BuildError) -> BackendError {
-    BackendError::Limit(format!("{what}: {error}"))
+    match error {
+        BuildError::Cancelled => BackendError::Cancelled,
+        error => BackendError::Limit(format!("{what}: {error}")),
+    }
+}
+
+/// Shows the building of one tree as triangles done, and hands the cancelling on.
+struct TreeProgress<'a> {
+    progress: &'a Progress,
+    triangles: u64,
+    /// What `progress` was told so far.
+    done: AtomicU64,
+}
+
+impl BuildProgress for TreeProgress<'_> {
+    fn fraction(&self, done: f32) {
+        let done = (f64::from(done) * self.triangles as f64) as u64;
+        self.progress.advance(done - self.done.swap(done, Ordering::Relaxed));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_tree_shows_its_progress_in_triangles_and_hears_of_cancelling() {
+        let progress = Progress::new();
+        progress.start(1000);
+        progress.advance(300);
+        let tree = TreeProgress { progress: &progress, triangles: 700, done: AtomicU64::new(0) };
+        tree.fraction(0.5);
+        assert_eq!(progress.state(), (650, 1000));
+        assert!(!tree.cancelled());
+        tree.fraction(1.0);
+        assert_eq!(progress.state(), (1000, 1000));
+        progress.cancel();
+        assert!(tree.cancelled());
+        assert_eq!(refused("a tree", &BuildError::Cancelled), BackendError::Cancelled);
+    }
 }

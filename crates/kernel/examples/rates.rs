@@ -1,13 +1,14 @@
 //! Measures the kernel on a generated room of about 280,000 triangles: build and ray rates of one thread.
 //!
 //! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so,
-//! `ACCEL=kdtree` the kd-tree and `ACCEL=kdtree-median` the one with planes in the middle instead of the `bvh`. `TRIANGLES=10000,1000000` measures only
-//! builds instead, over terrains of such sizes on one thread.
+//! `BUILD=quality`, `fast` or `compact` another hierarchy, `ACCEL=kdtree` the kd-tree and `ACCEL=kdtree-median` the one
+//! with planes in the middle. `TRIANGLES=10000,1000000` measures only builds instead, over terrains of such sizes on one
+//! thread.
 #![allow(clippy::print_stdout, reason = "a measuring program speaks on stdout")]
 use std::{error::Error, f32::consts::TAU, hint::black_box, sync::Arc, time::Instant};
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Instance, Isa, KdOptions, KdSplit, KdTree, Mesh, Object, Ray, RayQuery, Tile,
+    BuildOptions, Hit, Instance, Isa, KdOptions, KdSplit, KdTree, Layout, Mesh, Object, Ray, RayQuery, Tile,
     TriangleBvh, Triangles, World,
     glam::{Affine3A, Quat, Vec3},
 };
@@ -50,11 +51,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The tree that `ACCEL` names.
+/// The tree that `ACCEL` and `BUILD` name.
 fn build(meshes: &[Mesh]) -> Result<Triangles, Box<dyn Error>> {
+    let options = match std::env::var("BUILD").as_deref() {
+        Err(_) | Ok("default") => BuildOptions::default(),
+        Ok("quality") => BuildOptions::quality(),
+        Ok("fast") => BuildOptions::fast(),
+        Ok("compact") => BuildOptions { layout: Layout::Compact, ..BuildOptions::default() },
+        Ok(other) => return Err(format!("BUILD={other} is none of default, quality, fast, compact").into()),
+    };
     let kd = |split| KdTree::build(meshes, &KdOptions { split, ..KdOptions::default() });
     Ok(match std::env::var("ACCEL").as_deref() {
-        Err(_) | Ok("bvh") => TriangleBvh::build(meshes, &BuildOptions::default())?.into(),
+        Err(_) | Ok("bvh") => TriangleBvh::build(meshes, &options)?.into(),
         Ok("kdtree") => kd(KdSplit::Sah)?.into(),
         Ok("kdtree-median") => kd(KdSplit::Median)?.into(),
         Ok(other) => return Err(format!("ACCEL={other} is none of bvh, kdtree, kdtree-median").into()),

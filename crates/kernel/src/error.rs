@@ -73,6 +73,29 @@ pub enum BuildError {
         /// Index of the instance in the list given at which the count overflowed.
         instance: usize,
     },
+    /// A refit with another number of meshes than the tree was built over.
+    #[error("{given} meshes given for a tree built over {built}; build a new tree when meshes come or go")]
+    MeshCountChanged {
+        /// Meshes that the tree was built over.
+        built: usize,
+        /// Meshes given.
+        given: usize,
+    },
+    /// A refit with another number of triangles than the tree was built over.
+    #[error(
+        "mesh {mesh}: {given} triangles given for a tree built over {built}; build a new tree when triangles come or go"
+    )]
+    TriangleCountChanged {
+        /// Index of the mesh in the list given.
+        mesh: usize,
+        /// Triangles of it that the tree was built over.
+        built: usize,
+        /// Triangles given.
+        given: usize,
+    },
+    /// The caller stopped the build.
+    #[error("the build was cancelled")]
+    Cancelled,
 }
 
 /// Why an instruction set could not be chosen.

@@ -10,6 +10,7 @@
 
 mod aabb;
 mod build;
+mod compact;
 mod error;
 mod isa;
 mod kdtree;
@@ -27,7 +28,7 @@ mod triangles;
 mod world;
 
 pub use aabb::Aabb;
-pub use build::{BuildOptions, TreeStats};
+pub use build::{BuildOptions, Builder, Layout, TreeStats, watch::BuildProgress};
 pub use error::{BuildError, IsaError};
 pub use glam;
 pub use isa::Isa;

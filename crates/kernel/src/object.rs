@@ -1,13 +1,16 @@
 //! Objects: triangles and placed copies of other objects, nested to any depth up to a stated limit.
 use std::{fmt, sync::Arc};
 
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3};
 
 use crate::{
     aabb::Aabb,
     build::{
-        BuildOptions,
-        binary::{self, LeafRule, PrimRef},
+        self, BuildOptions,
+        binary::LeafRule,
+        binned,
+        boxes::PackedBox,
+        watch::Watch,
         wide::{self, WideTree},
     },
     error::BuildError,
@@ -102,8 +105,7 @@ impl Object {
             let (object_from_parent, normal_from_object) = invert(&instance.parent_from_object, index)?;
             let child_bounds = clamp(child.bounds.transformed(&instance.parent_from_object));
             if !child_bounds.is_empty() {
-                let (lo, hi) = (Vec4::from((child_bounds.min, 0.0)), Vec4::from((child_bounds.max, 0.0)));
-                prims.push(PrimRef::new(lo, hi, index as u32));
+                prims.push(PackedBox::primitive(child_bounds.min, child_bounds.max, index as u32));
                 bounds = bounds.union(child_bounds);
             }
             placed.push(PlacedInstance { instance, object_from_parent, normal_from_object, path_offset });
@@ -164,14 +166,23 @@ fn clamp(bounds: Aabb) -> Aabb {
     Aabb::new(bounds.min.max(-limit), bounds.max.min(limit))
 }
 
-fn instance_tree(prims: &mut [PrimRef]) -> WideTree {
+fn instance_tree(prims: &mut [PackedBox]) -> WideTree {
     if prims.is_empty() {
         return WideTree::default();
     }
     // Entering an instance costs a transform and at least one node: far more than a step here.
     let options = BuildOptions { intersection_cost: 4.0, ..BuildOptions::default() };
-    let nodes = binary::build(prims, LeafRule { max: 1, block: 1 }, &options);
-    wide::collapse(&nodes, |begin, _| (Child::leaf(prims[begin as usize].id()), 4.0))
+    let (level, watch) = (build::level(), Watch::new(&()));
+    let rule = LeafRule { max: 1, block_shift: 0 };
+    let nodes = binned::build(level, prims, rule, &options, &watch);
+    let (mut tree, places) = wide::collapse(level, &nodes, rule, options.intersection_cost, &watch);
+    // A block is one instance here, and the leaf names it.
+    let leaves = tree.nodes.iter_mut().flat_map(|node| &mut node.child);
+    for leaf in leaves.filter(|child| child.is_leaf() && **child != Child::NONE) {
+        let (place, _) = places[leaf.block_range().0];
+        *leaf = Child::leaf(prims[place as usize].id());
+    }
+    tree
 }
 
 /// The inverse of a placement and the matrix that carries normals up through it.

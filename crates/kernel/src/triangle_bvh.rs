@@ -1,18 +1,22 @@
 //! One tree over all triangles of an object.
 use std::fmt;
 
-use glam::{DVec3, Vec3, Vec4};
+use fearless_simd::Fallback;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::{
     aabb::Aabb,
     build::{
-        BuildOptions, TreeStats,
-        binary::{self, LeafRule, PrimRef},
+        self, BuildOptions, Builder, Layout, TreeStats,
+        binary::LeafRule,
+        binned, morton, refit, spatial, triangles,
+        watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
+    compact::{Blocks, CompactBlock, CompactBlocks},
     error::BuildError,
-    layout::{Block, Child, LEAF_TRIANGLES, Node, WIDTH},
+    layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
     mesh::Mesh,
 };
 
@@ -21,15 +25,23 @@ pub(crate) const MAX_COORDINATE: f32 = 1.0e10;
 
 /// An 8-wide bounding volume hierarchy over the triangles of one or more meshes, in object space.
 ///
-/// The tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be dropped.
+/// In the full layout the tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be
+/// dropped; in the compact one it shares their arrays.
 /// Building the same meshes gives the same bits for any number of threads.
+#[derive(Default)]
 pub struct TriangleBvh {
     pub(crate) tree: WideTree,
-    pub(crate) blocks: Vec<Block>,
+    /// All blocks in the full layout; none in the compact one.
+    blocks: Vec<Block>,
+    /// All blocks in the compact layout; none in the full one.
+    compact: CompactBlocks,
     /// First running triangle number of each mesh, and the total at the end.
     mesh_starts: Vec<u32>,
     bounds: Aabb,
     triangles: usize,
+    /// What a block test costs beside a node visit.
+    block_cost: f32,
+    sah_at_build: f32,
 }
 
 impl fmt::Debug for TriangleBvh {
@@ -52,42 +64,114 @@ impl TriangleBvh {
     /// [`BuildError::IndexOutOfRange`] for the first bad vertex index, [`BuildError::TooManyTriangles`] past
     /// [`TriangleBvh::MAX_TRIANGLES`].
     pub fn build(meshes: &[Mesh], options: &BuildOptions) -> Result<Self, BuildError> {
-        let mesh_starts = number_triangles(meshes)?;
-        let mut prims = Vec::with_capacity(mesh_starts.last().copied().unwrap_or(0) as usize);
-        for (mesh, &start) in meshes.iter().zip(&mesh_starts) {
-            let refs = mesh.indices.par_iter().enumerate();
-            prims.par_extend(refs.filter_map(|(i, triangle)| prim_ref(mesh, triangle, start + i as u32)));
-        }
-        if prims.is_empty() {
-            return Ok(Self {
-                tree: WideTree::default(),
-                blocks: Vec::new(),
-                mesh_starts,
-                bounds: Aabb::EMPTY,
-                triangles: 0,
-            });
-        }
+        Self::build_with(meshes, options, &())
+    }
 
-        let rule = LeafRule { max: LEAF_TRIANGLES, block: WIDTH };
-        let nodes = binary::build(&mut prims, rule, options);
-        let bounds = Aabb::new(nodes[0].lo.truncate(), nodes[0].hi.truncate());
-        // Leaves take consecutive blocks: (first primitive, count) of each block.
-        let mut ranges: Vec<(u32, u32)> = Vec::with_capacity(prims.len() / 4 + 1);
-        let tree = wide::collapse(&nodes, |begin, count| {
-            let first = ranges.len() as u32;
-            let block_count = count.div_ceil(WIDTH as u32);
-            for i in 0..block_count {
-                let offset = i * WIDTH as u32;
-                ranges.push((begin + offset, (count - offset).min(WIDTH as u32)));
-            }
-            (Child::blocks(first, block_count), block_count as f32 * options.intersection_cost)
-        });
+    /// As [`TriangleBvh::build`], with somebody who follows the work and may stop it.
+    ///
+    /// # Errors
+    /// As there, and [`BuildError::Cancelled`].
+    pub fn build_with(
+        meshes: &[Mesh],
+        options: &BuildOptions,
+        progress: &dyn BuildProgress,
+    ) -> Result<Self, BuildError> {
+        let (level, watch) = (build::level(), Watch::new(progress));
+        let mesh_starts = triangles::number(meshes, &watch)?;
+        watch.stage(60);
+        let mut prims = triangles::boxes(meshes, &mesh_starts, &watch);
+        watch.check()?;
+        if prims.is_empty() {
+            return Ok(Self { mesh_starts, ..Self::default() });
+        }
+        let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
+        watch.stage(800);
         let triangles = prims.len();
-        let pack = |&(begin, count): &(u32, u32)| {
-            pack_block(meshes, &mesh_starts, &prims[begin as usize..(begin + count) as usize])
+        let mut leaf_rule = rule;
+        let mut block_list = None;
+        let binary = match options.builder {
+            Builder::BinnedSah => binned::build(level, &mut prims, rule, options, &watch),
+            Builder::Morton => {
+                let (binary, list) = morton::build(level, &mut prims, options, &watch);
+                (leaf_rule, block_list) = (morton::RULE, Some(list));
+                binary
+            }
+            Builder::SpatialSah => {
+                let budget = (triangles as f32 * options.spatial_budget.clamp(0.0, 4.0)) as usize;
+                let corners = |id| triangles::corners(meshes, &mesh_starts, id);
+                spatial::build(level, &mut prims, budget, &corners, rule, options, &watch)
+            }
         };
-        let blocks = ranges.par_iter().with_min_len(256).map(pack).collect();
-        Ok(Self { tree, blocks, mesh_starts, bounds, triangles })
+        watch.check()?;
+        let bounds = Aabb::new(binary.nodes[0].bounds().lo(), binary.nodes[0].bounds().hi());
+        watch.stage(850);
+        let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
+        let ranges = match block_list {
+            Some(list) => ranges.iter().map(|&(block, _)| list[block as usize]).collect(),
+            None => ranges,
+        };
+        watch.check()?;
+        watch.stage(1000);
+        let mut bvh = Self {
+            block_cost: options.intersection_cost,
+            sah_at_build: tree.sah,
+            tree,
+            mesh_starts,
+            bounds,
+            triangles,
+            ..Self::default()
+        };
+        match options.layout {
+            Layout::Full => bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &prims, &ranges, &watch),
+            Layout::Compact => {
+                bvh.tree.compress();
+                let blocks =
+                    ranges.par_iter().map(|range| CompactBlock::new(&triangles::numbers(&prims, range)));
+                bvh.compact = CompactBlocks { blocks: blocks.collect(), meshes: meshes.to_vec() };
+            }
+        }
+        watch.check()?;
+        watch.finish();
+        Ok(bvh)
+    }
+
+    /// Takes over new vertex positions: the same tree with new boxes, at a fraction of the time of a build. `meshes` are
+    /// those that the tree was built over with the same numbers of triangles; vertex indices may have changed too.
+    ///
+    /// Triangles that are now degenerate or not finite are not hit, and come back when they are whole again; those that
+    /// were skipped when the tree was built stay skipped. The tree fits worse the more the shape changes:
+    /// [`TreeStats::sah`] tells, and after spatial splits it starts out worse, as the parts' boxes are whole again. Gives
+    /// the same bits for any number of threads. Runs on the current rayon pool.
+    ///
+    /// # Errors
+    /// [`BuildError::MeshCountChanged`], [`BuildError::TriangleCountChanged`] and [`BuildError::IndexOutOfRange`]; the
+    /// tree is then as it was.
+    pub fn refit(&mut self, meshes: &[Mesh]) -> Result<(), BuildError> {
+        let (built, given) = (self.mesh_starts.len().saturating_sub(1), meshes.len());
+        if built != given {
+            return Err(BuildError::MeshCountChanged { built, given });
+        }
+        for (mesh, (starts, now)) in self.mesh_starts.windows(2).zip(meshes).enumerate() {
+            let (built, given) = ((starts[1] - starts[0]) as usize, now.indices.len());
+            if built != given {
+                return Err(BuildError::TriangleCountChanged { mesh, built, given });
+            }
+        }
+        triangles::number(meshes, &Watch::new(&()))?;
+        let level = build::level();
+        let bounds = if self.tree.compact.is_empty() {
+            let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+            refit::nodes(level, &mut self.tree, &blocks, self.block_cost)
+        } else {
+            let blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
+            self.compact.meshes = meshes.to_vec();
+            self.tree.expand();
+            let bounds = refit::nodes(level, &mut self.tree, &blocks, self.block_cost);
+            self.tree.compress();
+            bounds
+        };
+        self.bounds = if bounds.is_empty() { Aabb::EMPTY } else { Aabb::new(bounds.lo(), bounds.hi()) };
+        Ok(())
     }
 
     /// The box around all triangles that can be hit, object space.
@@ -101,10 +185,14 @@ impl TriangleBvh {
     pub fn stats(&self) -> TreeStats {
         TreeStats {
             triangles: self.triangles,
-            nodes: self.tree.nodes.len(),
+            nodes: self.tree.len(),
             leaves: self.tree.leaves,
-            bytes: size_of_val(&self.tree.nodes[..]) + size_of_val(&self.blocks[..]),
+            bytes: size_of_val(&self.tree.nodes[..])
+                + size_of_val(&self.tree.compact[..])
+                + size_of_val(&self.blocks[..])
+                + size_of_val(&self.compact.blocks[..]),
             sah: self.tree.sah,
+            sah_at_build: self.sah_at_build,
         }
     }
 
@@ -114,23 +202,36 @@ impl TriangleBvh {
     pub fn fingerprint(&self) -> u64 {
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
         let mut eat = |word: u32| hash = (hash ^ u64::from(word)).wrapping_mul(0x0000_0100_0000_01b3);
-        for Node { bounds, child, order } in &self.tree.nodes {
+        for index in 0..self.tree.len() {
+            let mut place = None;
+            let Node { bounds, child, order } = self.tree.view().get(Fallback::new(), index, &mut place);
             bounds.iter().flatten().for_each(|x| eat(x.to_bits()));
             child.iter().for_each(|c| eat(c.0));
             order.iter().for_each(|&o| eat(o));
         }
-        for block in &self.blocks {
+        for index in 0..self.block_count() {
+            let mut place = None;
+            let block = self.blocks().get(index, &mut place);
             block.vertex.iter().flatten().flatten().for_each(|x| eat(x.to_bits()));
             block.triangle.iter().for_each(|&t| eat(t));
         }
         hash
     }
 
+    /// The blocks of either layout, for a traversal to hold on to.
+    #[inline(always)]
+    pub(crate) fn blocks(&self) -> Blocks<'_> {
+        Blocks { full: &self.blocks, compact: &self.compact, mesh_starts: &self.mesh_starts }
+    }
+
+    fn block_count(&self) -> usize {
+        self.blocks.len() + self.compact.blocks.len()
+    }
+
     /// Splits a running triangle number into (mesh, triangle of that mesh).
     pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
-        // Mostly one mesh: the search is then one comparison.
-        let mesh = self.mesh_starts.partition_point(|&start| start <= triangle).saturating_sub(1);
-        (mesh as u32, triangle - self.mesh_starts.get(mesh).copied().unwrap_or(0))
+        let (mesh, triangle) = triangles::locate(&self.mesh_starts, triangle);
+        (mesh as u32, triangle as u32)
     }
 
     /// Triangles of mesh `geometry`.
@@ -139,69 +240,23 @@ impl TriangleBvh {
         at(geometry as usize + 1) - at(geometry as usize)
     }
 
-    /// Every triangle that can be hit: corners and running number.
-    pub(crate) fn triangles(&self) -> impl Iterator<Item = ([[f32; 3]; 3], u32)> + '_ {
-        self.blocks.iter().flat_map(|block| {
+    /// Every triangle that can be hit, once: corners and running number.
+    pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
+        let of_block = |index: usize| {
+            let mut place = None;
+            let block = self.blocks().get(index, &mut place);
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
-            lanes.map(|lane| (block.corners(lane), block.triangle[lane]))
-        })
+            lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
+        };
+        let mut found: Vec<_> = (0..self.block_count()).flat_map(of_block).collect();
+        // Those that a refit found degenerate are points.
+        found.retain(|(corners, _)| {
+            let [a, b, c] = corners.map(Vec3::from_array);
+            triangles::double_area_vector(a, b, c) != DVec3::ZERO
+        });
+        // Spatial splits put a triangle into several blocks.
+        found.sort_unstable_by_key(|&(_, triangle)| triangle);
+        found.dedup_by_key(|&mut (_, triangle)| triangle);
+        found
     }
-}
-
-/// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
-pub(crate) fn number_triangles(meshes: &[Mesh]) -> Result<Vec<u32>, BuildError> {
-    let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
-    if count > TriangleBvh::MAX_TRIANGLES {
-        return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
-    }
-    let mut starts = Vec::with_capacity(meshes.len() + 1);
-    let mut next = 0;
-    for (mesh, Mesh { positions, indices }) in meshes.iter().enumerate() {
-        let vertices = positions.len();
-        let bad = |index: &u32| *index as usize >= vertices;
-        if let Some(triangle) = indices.par_iter().position_first(|t| t.iter().any(bad)) {
-            let index = indices[triangle].into_iter().find(bad).unwrap_or_default();
-            return Err(BuildError::IndexOutOfRange { mesh, triangle, index, vertices });
-        }
-        starts.push(next);
-        next += indices.len() as u32;
-    }
-    starts.push(next);
-    Ok(starts)
-}
-
-/// The bounds of a triangle, or `None` if it can never be hit.
-pub(crate) fn prim_ref(mesh: &Mesh, triangle: &[u32; 3], id: u32) -> Option<PrimRef> {
-    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
-    let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
-    // Minima may drop a NaN, so ask each vertex.
-    let usable = |v: Vec3| v.abs().cmple(Vec3::splat(MAX_COORDINATE)).all();
-    if !(usable(a) && usable(b) && usable(c)) || double_area_vector(a, b, c) == DVec3::ZERO {
-        return None;
-    }
-    Some(PrimRef::new(Vec4::from((lo, 0.0)), Vec4::from((hi, 0.0)), id))
-}
-
-/// `(b−a) × (c−a)` in double precision, where it is zero only for triangles that have no area.
-pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
-    let a = a.as_dvec3();
-    (b.as_dvec3() - a).cross(c.as_dvec3() - a)
-}
-
-fn pack_block(meshes: &[Mesh], starts: &[u32], prims: &[PrimRef]) -> Block {
-    let mut block = Block::EMPTY;
-    for (lane, prim) in prims.iter().enumerate() {
-        let id = prim.id();
-        let mesh = starts.partition_point(|&start| start <= id) - 1;
-        let Mesh { positions, indices } = &meshes[mesh];
-        let triangle = indices[(id - starts[mesh]) as usize];
-        for (corner, index) in triangle.into_iter().enumerate() {
-            let p = positions[index as usize];
-            for (axis, value) in p.to_array().into_iter().enumerate() {
-                block.vertex[corner][axis][lane] = value;
-            }
-        }
-        block.triangle[lane] = id;
-    }
-    block
 }

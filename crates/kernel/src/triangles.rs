@@ -37,7 +37,7 @@ impl Triangles {
     /// Calls `visit` for every triangle that can be hit, with its corners and running number.
     pub(crate) fn for_each(&self, visit: impl FnMut((Corners, u32))) {
         match self {
-            Self::Bvh(tree) => tree.triangles().for_each(visit),
+            Self::Bvh(tree) => tree.triangles().into_iter().for_each(visit),
             Self::KdTree(tree) => tree.triangles().for_each(visit),
         }
     }

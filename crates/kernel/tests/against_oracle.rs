@@ -1,6 +1,6 @@
 //! Every query against the brute-force oracle, on every instruction set.
 mod common;
-use common::{ACCELERATORS, Rng, check_all, hunt, rays, soup, tiles};
+use common::{ACCELERATORS, Rng, check_all, check_each, hunt, rays, soup, tiles};
 use heliostat_kernel::{
     BuildOptions, Hit, Isa, KdOptions, KdTree, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
     glam::{Vec2, Vec3},
@@ -19,9 +19,7 @@ fn check_soup(seed: u64, count: usize, scale: f32, size: f32, center: Vec3) {
     let rays = rays(&mut rng, 300, scale, center);
     let tiles = tiles(&mut rng, 12, scale, center);
     let reach = f64::from(2.5 * scale + center.abs().max_element());
-    for object in ACCELERATORS {
-        check_all(&object(&meshes), &rays, &tiles, RELATIVE_ERROR * reach);
-    }
+    check_each(&meshes, &rays, &tiles, RELATIVE_ERROR * reach);
 }
 
 #[test]
@@ -56,12 +54,9 @@ fn needles_and_specks() {
         positions.extend([p, p + along, p + along * 0.5 + rng.vec() * 1.0e-3]);
     }
     let indices: Vec<[u32; 3]> = (0..150).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let meshes = [Mesh::new(positions, indices)];
+    let mesh = Mesh::new(positions, indices);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    let tiles = tiles(&mut rng, 8, 1.0, Vec3::ZERO);
-    for object in ACCELERATORS {
-        check_all(&object(&meshes), &rays, &tiles, RELATIVE_ERROR * 3.0);
-    }
+    check_each(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]
@@ -79,12 +74,9 @@ fn coplanar_and_coincident_triangles() {
     }
     // The same place forty times: nothing to split by.
     indices.extend([[0, 1, 2]; 40]);
-    let meshes = [Mesh::new(positions, indices)];
+    let mesh = Mesh::new(positions, indices);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    let tiles = tiles(&mut rng, 8, 1.0, Vec3::ZERO);
-    for object in ACCELERATORS {
-        check_all(&object(&meshes), &rays, &tiles, RELATIVE_ERROR * 3.0);
-    }
+    check_each(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]
@@ -110,10 +102,7 @@ fn bad_triangles_are_skipped_and_good_ones_stay() {
     let tree = KdTree::build(std::slice::from_ref(&mesh), &KdOptions::default()).expect("builds");
     assert_eq!(tree.stats().triangles, 50);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    let tiles = tiles(&mut rng, 6, 1.0, Vec3::ZERO);
-    for object in ACCELERATORS {
-        check_all(&object(std::slice::from_ref(&mesh)), &rays, &tiles, RELATIVE_ERROR * 3.0);
-    }
+    check_each(&[mesh], &rays, &tiles(&mut rng, 6, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]

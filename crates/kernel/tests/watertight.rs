@@ -2,7 +2,7 @@
 mod common;
 use std::sync::Arc;
 
-use common::{ACCELERATORS, Rng, hunt};
+use common::{ACCELERATORS, HIERARCHIES, MakeObject, Rng, hunt, kd_object};
 use heliostat_kernel::{
     Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
     glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
@@ -78,9 +78,8 @@ fn seams(rng: &mut Rng, mesh: &Mesh) -> Vec<Vec3> {
     points
 }
 
-/// Over every accelerator.
-fn assert_no_leak(mesh: &Mesh, origins: &[Vec3], targets: &[Vec3]) {
-    for object in ACCELERATORS {
+fn assert_no_leak(accelerators: &[MakeObject], mesh: &Mesh, origins: &[Vec3], targets: &[Vec3]) {
+    for object in accelerators {
         assert_no_leak_in(&object(std::slice::from_ref(mesh)), origins, targets);
     }
 }
@@ -128,37 +127,43 @@ fn spheres_hold_rays_at_their_seams() {
         let mesh = bumpy_sphere(&mut rng, 24, 31, radius, center);
         let targets = seams(&mut rng, &mesh);
         let origins = inner_points(&mut rng, 6, radius, center);
-        assert_no_leak(&mesh, &origins, &targets);
+        assert_no_leak(&ACCELERATORS, &mesh, &origins, &targets);
     }
 }
 
 #[test]
 fn coarse_and_fine_solids_hold_rays() {
     let mut rng = Rng::new(22);
-    for (bands, sides) in [(2, 3), (3, 4), (80, 90)] {
+    for ((bands, sides), object) in
+        [(2, 3), (3, 4), (80, 90), (20, 30), (40, 20)].into_iter().zip(HIERARCHIES.into_iter().cycle())
+    {
         let mesh = bumpy_sphere(&mut rng, bands, sides, 3.0, Vec3::new(5.0, 6.0, -7.0));
         let mut targets = seams(&mut rng, &mesh);
         if targets.len() > 20_000 {
             targets = (0..20_000).map(|_| targets[rng.below(targets.len())]).collect();
         }
         let origins = inner_points(&mut rng, 2, 1.0, Vec3::new(5.0, 6.0, -7.0));
-        assert_no_leak(&mesh, &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }
 
 #[test]
 fn boxes_hold_rays_along_their_axes_and_seams() {
     let mut rng = Rng::new(23);
-    for (cells, half, center) in
-        [(1, 1.0, Vec3::ZERO), (10, 1.0, Vec3::ZERO), (7, 0.3, Vec3::new(100.0, 2.0, -9.0))]
-    {
+    let solids = [
+        (1, 1.0, Vec3::ZERO),
+        (10, 1.0, Vec3::ZERO),
+        (7, 0.3, Vec3::new(100.0, 2.0, -9.0)),
+        (9, 20.0, Vec3::new(-3.0, 2.0, 1.0)),
+    ];
+    for ((cells, half, center), object) in solids.into_iter().zip(HIERARCHIES.into_iter().cycle()) {
         let mesh = tessellated_box(cells, half, center);
         let targets = seams(&mut rng, &mesh);
         let mut origins = inner_points(&mut rng, 4, half, center);
         // On the grid lines themselves: rays run exactly along edges' planes and axes.
         let step = 2.0 * half / cells as f32;
         origins.push(center + Vec3::new(0.0, step * (cells / 4) as f32, 0.0));
-        assert_no_leak(&mesh, &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }
 
@@ -184,7 +189,7 @@ fn placed_solids_hold_rays() {
 #[test]
 fn many_solids_hold_rays() {
     let mut rng = Rng::new(25);
-    for _ in 0..hunt(8) {
+    for (_, object) in (0..hunt(8)).zip(HIERARCHIES.into_iter().cycle()) {
         let radius = 10.0_f32.powf(rng.signed() * 5.0);
         let center = rng.vec() * radius * 10.0_f32.powf(rng.signed() * 1.5);
         let mesh = if rng.unit() < 0.7 {
@@ -196,6 +201,6 @@ fn many_solids_hold_rays() {
         let targets = seams(&mut rng, &mesh);
         // Few bands make a double cone: stay well inside that too.
         let origins = inner_points(&mut rng, 4, radius * 0.4, center);
-        assert_no_leak(&mesh, &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }

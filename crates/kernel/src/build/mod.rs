@@ -1,16 +1,64 @@
 //! Tree construction: a binary tree by the surface area heuristic, then its collapse to 8-wide nodes.
 pub(crate) mod binary;
+pub(crate) mod binned;
+pub(crate) mod boxes;
+pub(crate) mod morton;
+pub(crate) mod refit;
+pub(crate) mod spatial;
+pub(crate) mod triangles;
+pub(crate) mod watch;
 pub(crate) mod wide;
+
+use fearless_simd::Level;
+
+use crate::isa::Isa;
+
+/// Which method builds the binary tree that is then collapsed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Builder {
+    /// Top down by the surface area heuristic over binned centres: good trees, quickly [Wald 2007].
+    #[default]
+    BinnedSah,
+    /// The same with spatial splits: triangles that straddle a plane may go to both sides. Several times slower to
+    /// build, faster to trace where triangles are long or large [Stich, Friedrich and Dietrich 2009].
+    SpatialSah,
+    /// Blocks of neighbours along a Morton curve under a binned tree: the fastest to build, somewhat slower to trace;
+    /// for geometry that changes at every frame [after Pantaleoni and Luebke 2010].
+    Morton,
+}
+
+/// How a finished tree lies in memory. Hits are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Layout {
+    /// Boxes in single precision, and a copy of the vertices in blocks of 8 triangles: the fastest to trace. About 55
+    /// bytes per triangle; the meshes may be dropped.
+    #[default]
+    Full,
+    /// Boxes in 8 bits per bound, and blocks that read the vertices from the meshes, whose arrays the tree shares. About
+    /// 10 bytes per triangle beside the meshes.
+    Compact,
+}
 
 /// How a tree is built. The defaults suit nearly everything.
 ///
 /// | field | unit | default | meaning |
 /// |---|---|---|---|
+/// | `builder` | – | [`Builder::BinnedSah`] | the method |
+/// | `layout` | – | [`Layout::Full`] | how it lies in memory |
+/// | `spatial_budget` | triangles | 0.3 | references that spatial splits may add, per triangle |
 /// | `max_bins` | – | 32 | split candidates per axis; more is slower and slightly better |
 /// | `traversal_cost` | – | 0.8 | cost of a binary step, relative to … |
 /// | `intersection_cost` | – | 1.0 | … the cost of testing one block of 8 triangles |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BuildOptions {
+    /// The method.
+    pub builder: Builder,
+    /// How the finished tree lies in memory.
+    pub layout: Layout,
+    /// How many references [`Builder::SpatialSah`] may add, relative to the number of triangles; clamped to 0..=4.
+    pub spatial_budget: f32,
     /// Split candidates per axis, clamped to 4..=32.
     pub max_bins: usize,
     /// Cost of a binary traversal step.
@@ -21,21 +69,52 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { max_bins: 32, traversal_cost: 0.8, intersection_cost: 1.0 }
+        Self {
+            builder: Builder::BinnedSah,
+            layout: Layout::Full,
+            spatial_budget: 0.3,
+            max_bins: 32,
+            traversal_cost: 0.8,
+            intersection_cost: 1.0,
+        }
+    }
+}
+
+impl BuildOptions {
+    /// For geometry that changes all the time: the fastest build.
+    #[must_use]
+    pub fn fast() -> Self {
+        Self { builder: Builder::Morton, ..Self::default() }
+    }
+
+    /// For geometry that stays: the slowest build, the fastest tree.
+    #[must_use]
+    pub fn quality() -> Self {
+        Self { builder: Builder::SpatialSah, ..Self::default() }
     }
 }
 
 /// What a finished tree looks like.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TreeStats {
-    /// Triangles that can be hit; those skipped as degenerate or not finite are not counted.
+    /// Triangles that could be hit when the tree was built; those skipped as degenerate or not finite are not counted.
     pub triangles: usize,
     /// Inner nodes, 8 children wide.
     pub nodes: usize,
     /// Leaves.
     pub leaves: usize,
-    /// Memory of nodes and triangle blocks, bytes.
+    /// Memory of nodes and triangle blocks, bytes; without the meshes that the compact layout shares.
     pub bytes: usize,
     /// Expected cost of a random ray: node visits plus block tests, by the surface area heuristic.
     pub sah: f32,
+    /// The same when the tree was built: how far [`TreeStats::sah`] lies above it tells when to rebuild instead of
+    /// refitting.
+    pub sah_at_build: f32,
+}
+
+/// The instruction set that builders run on: the one that `HELIOSTAT_ISA` forces, otherwise the best. It makes no
+/// difference to the result.
+pub(crate) fn level() -> Level {
+    let forced = Isa::from_env().ok().flatten();
+    forced.unwrap_or_else(Isa::best).checked_level().unwrap_or_else(|_| Level::baseline())
 }

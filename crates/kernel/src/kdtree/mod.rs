@@ -20,9 +20,10 @@ pub use self::{
 };
 use crate::{
     aabb::Aabb,
+    build::{boxes::PackedBox, triangles, watch::Watch},
     error::BuildError,
     mesh::Mesh,
-    triangle_bvh::{TriangleBvh, number_triangles, prim_ref},
+    triangle_bvh::TriangleBvh,
 };
 
 /// The corners of a triangle, object space, exactly as in the mesh: 36 B.
@@ -158,20 +159,13 @@ impl KdTree {
     /// [`BuildError::IndexOutOfRange`] for the first bad vertex index, [`BuildError::TooManyTriangles`] past
     /// [`KdTree::MAX_TRIANGLES`].
     pub fn build(meshes: &[Mesh], options: &KdOptions) -> Result<Self, BuildError> {
-        let mesh_starts = number_triangles(meshes)?;
-        let mut numbers = Vec::new();
-        for (mesh, &start) in meshes.iter().zip(&mesh_starts) {
-            let all = mesh.indices.par_iter().enumerate();
-            numbers.par_extend(all.filter_map(|(i, triangle)| {
-                let number = start + i as u32;
-                prim_ref(mesh, triangle, number).map(|_| number)
-            }));
-        }
-        let corners_of = |&number: &u32| {
-            let (mesh, triangle) = locate(&mesh_starts, number);
-            let Mesh { positions, indices } = &meshes[mesh as usize];
-            indices[triangle as usize].map(|vertex| positions[vertex as usize].to_array())
-        };
+        let watch = Watch::new(&());
+        let mesh_starts = triangles::number(meshes, &watch)?;
+        let boxes = triangles::boxes(meshes, &mesh_starts, &watch);
+        let numbers: Vec<u32> = boxes.iter().map(PackedBox::id).collect();
+        drop(boxes);
+        let corners_of =
+            |&number: &u32| triangles::corners(meshes, &mesh_starts, number).map(|corner| corner.to_array());
         let corners: Vec<Corners> = numbers.par_iter().map(corners_of).collect();
         let bounds = Aabb::from_points(corners.iter().flatten().map(|&p| Vec3::from_array(p)));
         let mut tree = Self {
@@ -249,16 +243,12 @@ impl KdTree {
 
     /// Splits a running triangle number into (mesh, triangle of that mesh).
     pub(crate) fn locate(&self, number: u32) -> (u32, u32) {
-        locate(&self.mesh_starts, number)
+        let (mesh, triangle) = triangles::locate(&self.mesh_starts, number);
+        (mesh as u32, triangle as u32)
     }
 
     /// Every triangle that can be hit: corners and running number.
     pub(crate) fn triangles(&self) -> impl Iterator<Item = (Corners, u32)> + '_ {
         self.corners.iter().copied().zip(self.numbers.iter().copied())
     }
-}
-
-fn locate(starts: &[u32], number: u32) -> (u32, u32) {
-    let mesh = starts.partition_point(|&start| start <= number).saturating_sub(1);
-    (mesh as u32, number - starts.get(mesh).copied().unwrap_or(0))
 }

@@ -2,7 +2,7 @@
 use glam::{DVec3, Vec3};
 
 use super::local::LocalRay;
-use crate::triangle_bvh::double_area_vector;
+use crate::build::triangles::double_area_vector;
 
 /// Distance, barycentrics and unit normal in the object's space.
 #[derive(Clone, Copy, Debug)]

@@ -48,7 +48,8 @@ fn closest_triangle<S: Simd>(
     let (t, corners, (geometry, primitive)) = match triangles {
         Triangles::Bvh(bvh) => {
             let best = single::closest(simd, bvh, ray, t_max, stack)?;
-            let block = &bvh.blocks[best.block];
+            let mut place = None;
+            let block = bvh.blocks().get(best.block, &mut place);
             (best.t, block.corners(best.lane), bvh.locate(block.triangle[best.lane & 7]))
         }
         Triangles::KdTree(tree) => {

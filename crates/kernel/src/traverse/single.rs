@@ -2,10 +2,7 @@
 use fearless_simd::{f32x8, prelude::*};
 
 use super::{local::LocalRay, shear::Shear, slab::Slab, stack::Stack};
-use crate::{
-    layout::{Block, Child},
-    triangle_bvh::TriangleBvh,
-};
+use crate::{compact::Blocks, layout::Child, triangle_bvh::TriangleBvh};
 
 /// A triangle that a traversal settled on.
 #[derive(Clone, Copy, Debug)]
@@ -24,8 +21,8 @@ pub(super) fn closest<S: Simd>(
     t_max: f32,
     stack: &mut Stack,
 ) -> Option<Candidate> {
-    let nodes = &bvh.tree.nodes[..];
-    if nodes.is_empty() {
+    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
+    if bvh.tree.is_empty() {
         return None;
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
@@ -38,10 +35,11 @@ pub(super) fn closest<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                closest_in_block(simd, &shear, &bvh.blocks, block, &mut t_max, &mut best);
+                closest_in_block(simd, &shear, blocks, block, &mut t_max, &mut best);
             }
         } else {
-            let node = &nodes[current.0 as usize];
+            let mut place = None;
+            let node = nodes.get(simd, current.0 as usize, &mut place);
             let (enter, bits) = slab.test(node, f32x8::splat(simd, t_max));
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);
@@ -63,12 +61,12 @@ pub(super) fn closest<S: Simd>(
 fn closest_in_block<S: Simd>(
     simd: S,
     shear: &Shear<S>,
-    blocks: &[Block],
+    blocks: Blocks<'_>,
     block: usize,
     t_max: &mut f32,
     best: &mut Option<Candidate>,
 ) {
-    let (t, mut bits) = shear.test(&blocks[block], f32x8::splat(simd, *t_max));
+    let (t, mut bits) = shear.test(blocks.get(block, &mut None), f32x8::splat(simd, *t_max));
     if bits == 0 {
         return;
     }
@@ -92,8 +90,8 @@ pub(super) fn any<S: Simd>(
     t_max: f32,
     stack: &mut Stack,
 ) -> bool {
-    let nodes = &bvh.tree.nodes[..];
-    if nodes.is_empty() {
+    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
+    if bvh.tree.is_empty() {
         return false;
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
@@ -105,13 +103,14 @@ pub(super) fn any<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                if shear.test(&bvh.blocks[block], limit).1 != 0 {
+                if shear.test(blocks.get(block, &mut None), limit).1 != 0 {
                     stack.cut(mark);
                     return true;
                 }
             }
         } else {
-            let node = &nodes[current.0 as usize];
+            let mut place = None;
+            let node = nodes.get(simd, current.0 as usize, &mut place);
             let (enter, bits) = slab.test(node, limit);
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);

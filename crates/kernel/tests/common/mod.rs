@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Isa, KdOptions, KdTree, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World,
-    glam::Vec3,
+    BuildOptions, Hit, Isa, KdOptions, KdTree, Layout, Mesh, Object, Oracle, Ray, RayQuery, Tile,
+    TriangleBvh, World, glam::Vec3,
 };
 
 /// Rounds of a randomised hunt: `default` in a normal run, more on demand through `HELIOSTAT_HUNT`.
@@ -49,12 +49,36 @@ impl Rng {
 /// Makes an object of meshes.
 pub(crate) type MakeObject = fn(&[Mesh]) -> Arc<Object>;
 
-/// One way to make an object for each accelerator.
-pub(crate) const ACCELERATORS: [MakeObject; 2] = [object, kd_object];
+/// One way to make an object for each builder and each layout of the bounding volume hierarchy.
+pub(crate) const HIERARCHIES: [MakeObject; 4] = [
+    object,
+    |meshes| object_by(meshes, &BuildOptions::quality()),
+    |meshes| object_by(meshes, &BuildOptions::fast()),
+    |meshes| object_by(meshes, &compact()),
+];
+
+/// Those, and the kd-tree.
+pub(crate) const ACCELERATORS: [MakeObject; 5] = {
+    let [plain, quality, fast, compact] = HIERARCHIES;
+    [plain, quality, fast, compact, kd_object]
+};
+
+/// Options for every builder and every layout of the bounding volume hierarchy.
+pub(crate) fn all_builders() -> Vec<BuildOptions> {
+    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast(), compact()]
+}
+
+fn compact() -> BuildOptions {
+    BuildOptions { layout: Layout::Compact, ..BuildOptions::default() }
+}
 
 /// Over a bounding volume hierarchy.
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
-    let tree = TriangleBvh::build(meshes, &BuildOptions::default()).expect("valid meshes");
+    object_by(meshes, &BuildOptions::default())
+}
+
+fn object_by(meshes: &[Mesh], options: &BuildOptions) -> Arc<Object> {
+    let tree = TriangleBvh::build(meshes, options).expect("valid meshes");
     Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
 }
 
@@ -114,6 +138,13 @@ pub(crate) fn tiles(rng: &mut Rng, count: usize, scale: f32, center: Vec3) -> Ve
             tile
         })
         .collect()
+}
+
+/// [`check_all`] over every accelerator, builder and layout.
+pub(crate) fn check_each(meshes: &[Mesh], rays: &[Ray], tiles: &[Tile], error: f64) {
+    for object in ACCELERATORS {
+        check_all(&object(meshes), rays, tiles, error);
+    }
 }
 
 /// Compares every query of `root` with the oracle, on every instruction set of this machine. `error` is the

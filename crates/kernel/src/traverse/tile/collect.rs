@@ -140,7 +140,8 @@ impl Gathered {
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             let id = ids[lane];
-            let block = &bvh.blocks[id as usize / WIDTH];
+            let mut place = None;
+            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
             let from = id as usize % WIDTH;
             let same = all.simd_eq(u32x16::splat(simd, id));
             let sharing = same.to_bitmask() as u16;

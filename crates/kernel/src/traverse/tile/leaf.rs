@@ -11,7 +11,10 @@ use super::{
     walk::{BoxRange, Frame, meet},
     work::{GROUP, Work, mask16},
 };
-use crate::layout::{Block, WIDTH};
+use crate::{
+    compact::Blocks,
+    layout::{Block, WIDTH},
+};
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
 const EDGE_ERROR: f32 = 4.0 * f32::EPSILON;
@@ -130,7 +133,7 @@ impl Setup {
 /// A leaf as a tile sees it.
 pub(super) struct Leaf<'a> {
     frame: &'a Frame,
-    blocks: &'a [Block],
+    blocks: Blocks<'a>,
     /// Groups with a ray that meets the leaf's box, and those rays.
     mask: u16,
     rays: [u16; GROUP],
@@ -142,7 +145,7 @@ impl<'a> Leaf<'a> {
     pub(super) fn new<S: Simd>(
         simd: S,
         frame: &'a Frame,
-        blocks: &'a [Block],
+        blocks: Blocks<'a>,
         range: &BoxRange,
         mask: u16,
         work: &Work,
@@ -186,7 +189,7 @@ pub(super) fn test_block<S: Simd, const ANY: bool>(
         return 0;
     }
     let rect = work.rect_of(mask);
-    let bits = setup.fill(simd, leaf.frame, &leaf.blocks[block], rect, work.far);
+    let bits = setup.fill(simd, leaf.frame, leaf.blocks.get(block, &mut None), rect, work.far);
     if bits == 0 {
         return 0;
     }

@@ -298,7 +298,7 @@ fn one_face<S: Simd, const ANY: bool>(
     }
     work.project(simd, rays, face);
     match &object.triangles {
-        Some(Triangles::Bvh(bvh)) if !bvh.tree.nodes.is_empty() => {
+        Some(Triangles::Bvh(bvh)) if !bvh.tree.is_empty() => {
             triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
             if ANY {
                 collect::occluded(simd, rays, work, answers);
@@ -327,10 +327,12 @@ fn triangles<S: Simd, const ANY: bool>(
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
-    while let Some(visit) = next_leaf(simd, &bvh.tree, &bvh.blocks[..], &frame, work, visits, mark) {
-        let range = frame.box_range(&bvh.tree.nodes[visit.node as usize], usize::from(visit.lane));
+    while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
+        let mut place = None;
+        let node = bvh.tree.view().get(simd, visit.node as usize, &mut place);
+        let range = frame.box_range(node, usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, &bvh.blocks, &range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, bvh.blocks(), &range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);

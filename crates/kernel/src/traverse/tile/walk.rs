@@ -204,7 +204,8 @@ fn open<S: Simd>(
     visit: &Visit,
     stack: &mut Vec<Visit>,
 ) {
-    let node = &tree.nodes[visit.child.0 as usize];
+    let mut place = None;
+    let node = tree.view().get(simd, visit.child.0 as usize, &mut place);
     let boxes = frame.boxes(simd, node);
     let bits = frame.cull(simd, &boxes, work.rect, work.far);
     if bits == 0 {

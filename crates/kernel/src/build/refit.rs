@@ -1,0 +1,214 @@
+//! Refitting: new boxes and vertices for the same tree, bottom-up.
+use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    boxes::PackedBox,
+    triangles::{BATCH, double_area_vector, gather},
+    wide::{WideTree, child_order, set_bounds},
+};
+use crate::{
+    compact::CompactBlock,
+    layout::{Block, Child, Node, WIDTH},
+    mesh::Mesh,
+    triangle_bvh::MAX_COORDINATE,
+};
+
+/// Blocks per task.
+const CHUNK: usize = 256;
+
+/// Reads the vertices of all blocks anew; the bounds of each block. Triangles that cannot be hit become points at the
+/// origin, as in empty lanes, and do not count for the bounds.
+pub(crate) fn blocks(level: Level, meshes: &[Mesh], starts: &[u32], blocks: &mut [Block]) -> Vec<PackedBox> {
+    let mut bounds = vec![PackedBox::EMPTY; blocks.len()];
+    let chunks = blocks.par_chunks_mut(CHUNK).zip(bounds.par_chunks_mut(CHUNK));
+    chunks.for_each(|(blocks, bounds)| {
+        for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
+            gather(meshes, starts, blocks);
+            dispatch!(level, simd => settle(simd, blocks, bounds));
+        }
+    });
+    bounds
+}
+
+/// As [`blocks`], for blocks that hold no vertices.
+pub(crate) fn compact_blocks(
+    level: Level,
+    meshes: &[Mesh],
+    starts: &[u32],
+    blocks: &mut [CompactBlock],
+) -> Vec<PackedBox> {
+    let mut bounds = vec![PackedBox::EMPTY; blocks.len()];
+    let chunks = blocks.par_chunks_mut(CHUNK).zip(bounds.par_chunks_mut(CHUNK));
+    chunks.for_each(|(blocks, bounds)| {
+        for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
+            let mut full = [Block::EMPTY; BATCH];
+            let full = &mut full[..blocks.len()];
+            for (full, block) in full.iter_mut().zip(&*blocks) {
+                full.triangle = block.triangles();
+            }
+            gather(meshes, starts, full);
+            dispatch!(level, simd => settle(simd, full, bounds));
+            for (full, block) in full.iter().zip(blocks) {
+                block.hide_points(full);
+            }
+        }
+    });
+    bounds
+}
+
+/// Takes what cannot be hit out of blocks and finds their bounds.
+#[inline(always)]
+fn settle<S: Simd>(simd: S, blocks: &mut [Block], bounds: &mut [PackedBox]) {
+    for (block, bounds) in blocks.iter_mut().zip(bounds) {
+        let hittable = hittable(simd, block);
+        let outside = f32x8::splat(simd, f32::INFINITY);
+        let mut lanes = [f32::INFINITY; 8];
+        for axis in 0..3 {
+            let [a, b, c] = corners(simd, block, axis);
+            let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+            // Adding zero turns −0 into +0, between which minima would choose by order.
+            lanes[axis] = hittable.select(lo, outside).reduce_min() + 0.0;
+            lanes[axis + 4] = -(hittable.select(hi, -outside).reduce_max() + 0.0);
+        }
+        *bounds = PackedBox(lanes);
+        let zero = f32x8::splat(simd, 0.0);
+        if !hittable.all_true() {
+            for row in block.vertex.iter_mut().flatten() {
+                hittable.select(f32x8::load_array_ref(simd, row), zero).store_array(row);
+            }
+        }
+    }
+}
+
+/// The lanes whose triangles can be hit: all coordinates in range, and an area.
+#[inline(always)]
+fn hittable<S: Simd>(simd: S, block: &Block) -> mask32x8<S> {
+    let limit = f32x8::splat(simd, MAX_COORDINATE);
+    let [e, f] = [edges(simd, block, 1), edges(simd, block, 2)];
+    let mut usable = f32x8::splat(simd, 0.0).simd_le(limit);
+    let mut certain = limit.simd_lt(f32x8::splat(simd, 0.0));
+    for axis in 0..3 {
+        let [a, b, c] = corners(simd, block, axis);
+        usable = usable & a.abs().simd_le(limit) & b.abs().simd_le(limit) & c.abs().simd_le(limit);
+        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+        let (plus, minus) = (e[j] * f[k], e[k] * f[j]);
+        // As in `triangles::has_area`.
+        let doubt = (plus.abs() + minus.abs()) * 1.0e-6 + f32x8::splat(simd, 1.0e-36);
+        certain |= (plus - minus).abs().simd_gt(doubt);
+    }
+    let (usable, certain) = (usable.to_bitmask() as u32, certain.to_bitmask() as u32);
+    let mut good = usable & certain;
+    let mut doubtful = usable & !certain;
+    while doubtful != 0 {
+        let lane = (doubtful.trailing_zeros() & 7) as usize;
+        doubtful &= doubtful - 1;
+        let [a, b, c] = block.corners(lane).map(Vec3::from_array);
+        good |= u32::from(double_area_vector(a, b, c) != DVec3::ZERO) << lane;
+    }
+    mask32x8::from_bitmask(simd, u64::from(good))
+}
+
+#[inline(always)]
+fn corners<S: Simd>(simd: S, block: &Block, axis: usize) -> [f32x8<S>; 3] {
+    [
+        f32x8::load_array_ref(simd, &block.vertex[0][axis]),
+        f32x8::load_array_ref(simd, &block.vertex[1][axis]),
+        f32x8::load_array_ref(simd, &block.vertex[2][axis]),
+    ]
+}
+
+/// From the first corner to another.
+#[inline(always)]
+fn edges<S: Simd>(simd: S, block: &Block, corner: usize) -> [f32x8<S>; 3] {
+    let [x, y, z] = [corners(simd, block, 0), corners(simd, block, 1), corners(simd, block, 2)];
+    [x[corner] - x[0], y[corner] - y[0], z[corner] - z[0]]
+}
+
+/// New boxes for all nodes, from those of the blocks; the bounds of the whole.
+pub(crate) fn nodes(level: Level, tree: &mut WideTree, blocks: &[PackedBox], block_cost: f32) -> PackedBox {
+    // The parts below the top refer to nothing but themselves and blocks.
+    let mut parts = Vec::with_capacity(tree.parts.len());
+    let mut rest = &mut tree.nodes[..];
+    for (&begin, &end) in tree.parts.iter().zip(tree.parts.iter().skip(1)) {
+        let (part, beyond) = rest.split_at_mut((end - begin) as usize);
+        parts.push(Part { nodes: part, begin, roots: &[] });
+        rest = beyond;
+    }
+    let mut parts = parts.into_iter();
+    let Some(top) = parts.next() else { return PackedBox::EMPTY };
+    let below: Vec<Refit> =
+        parts.collect::<Vec<_>>().into_par_iter().map(|part| part.refit(level, blocks, block_cost)).collect();
+    let roots: Vec<(u32, PackedBox)> =
+        tree.parts.iter().skip(1).copied().zip(below.iter().map(|part| part.bounds)).collect();
+    let top = Part { roots: &roots, ..top }.refit(level, blocks, block_cost);
+    let bounds = top.bounds;
+    let area = f64::from(bounds.half_area());
+    let cost: f64 = top.cost + below.iter().map(|part| part.cost).sum::<f64>();
+    tree.sah = if area > 0.0 && area.is_finite() { (cost / area) as f32 } else { 0.0 };
+    tree.extent =
+        if bounds.is_empty() { [0.0; 3] } else { bounds.lo().abs().max(bounds.hi().abs()).to_array() };
+    bounds
+}
+
+/// Nodes that lie together, children behind their parents.
+struct Part<'a> {
+    nodes: &'a mut [Node],
+    /// Index of the first of them in the whole tree.
+    begin: u32,
+    /// The first nodes of the parts behind, with their bounds.
+    roots: &'a [(u32, PackedBox)],
+}
+
+/// What a refitted part comes to.
+struct Refit {
+    bounds: PackedBox,
+    /// Σ half area · cost.
+    cost: f64,
+}
+
+impl Part<'_> {
+    fn refit(self, level: Level, blocks: &[PackedBox], block_cost: f32) -> Refit {
+        dispatch!(level, simd => self.refit_simd(simd, blocks, block_cost))
+    }
+
+    #[inline(always)]
+    fn refit_simd<S: Simd>(self, simd: S, blocks: &[PackedBox], block_cost: f32) -> Refit {
+        let mut bounds = vec![PackedBox::EMPTY; self.nodes.len()];
+        let mut cost = 0.0;
+        for index in (0..self.nodes.len()).rev() {
+            let mut whole = f32x8::splat(simd, f32::INFINITY);
+            let node = &mut self.nodes[index];
+            let mut count = 0;
+            for lane in 0..WIDTH {
+                let child = node.child[lane];
+                if child == Child::NONE {
+                    break;
+                }
+                count += 1;
+                let child_box = if child.is_leaf() {
+                    let (first, end) = child.block_range();
+                    let leaf =
+                        blocks[first..end].iter().fold(PackedBox::EMPTY, |all, block| all.union(block));
+                    if !leaf.is_empty() {
+                        cost += f64::from(leaf.half_area() * (end - first) as f32 * block_cost);
+                    }
+                    leaf
+                } else {
+                    self.roots
+                        .binary_search_by_key(&child.0, |&(root, _)| root)
+                        .map_or_else(|_| bounds[(child.0 - self.begin) as usize], |found| self.roots[found].1)
+                };
+                set_bounds(node, lane, &child_box);
+                whole = whole.min(child_box.load(simd));
+            }
+            node.order = child_order(simd, node, count);
+            bounds[index] = PackedBox(whole.to_array());
+            if !bounds[index].is_empty() {
+                cost += f64::from(bounds[index].half_area());
+            }
+        }
+        Refit { bounds: bounds.first().copied().unwrap_or(PackedBox::EMPTY), cost }
+    }
+}

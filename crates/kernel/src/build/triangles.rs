@@ -1,0 +1,182 @@
+//! From meshes to what builders work on, and from their result to packed triangles.
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{DVec3, Vec3, Vec3Swizzles};
+use rayon::prelude::*;
+
+use super::{boxes::PackedBox, watch::Watch, wide::BlockRange};
+use crate::{
+    error::BuildError,
+    layout::{Block, WIDTH},
+    mesh::Mesh,
+    triangle_bvh::{MAX_COORDINATE, TriangleBvh},
+};
+
+/// Triangles per task, and between two looks at the watch.
+const CHUNK: usize = 1 << 13;
+/// Blocks whose vertices are read together.
+pub(super) const BATCH: usize = 16;
+/// The number of a triangle that can never be hit.
+const SKIPPED: u32 = u32::MAX;
+
+/// The first running triangle number of each mesh and the total, after checking counts and vertex indices.
+pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, BuildError> {
+    let count = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
+    if count > TriangleBvh::MAX_TRIANGLES {
+        return Err(BuildError::TooManyTriangles { count, limit: TriangleBvh::MAX_TRIANGLES });
+    }
+    let mut starts = Vec::with_capacity(meshes.len() + 1);
+    let mut next = 0;
+    for (mesh, Mesh { positions, indices }) in meshes.iter().enumerate() {
+        let vertices = positions.len();
+        let bad = |index: &u32| *index as usize >= vertices;
+        let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
+        // Whole chunks first: no early exit inside them, so they are checked many at a time.
+        if let Some(chunk) =
+            indices.par_chunks(CHUNK).position_first(|chunk| !watch.stopped() && !good(chunk))
+        {
+            let in_chunk = indices[chunk * CHUNK..].iter().position(|t| t.iter().any(bad)).unwrap_or(0);
+            let triangle = chunk * CHUNK + in_chunk;
+            let index = indices[triangle].into_iter().find(bad).unwrap_or_default();
+            return Err(BuildError::IndexOutOfRange { mesh, triangle, index, vertices });
+        }
+        starts.push(next);
+        next += indices.len() as u32;
+    }
+    starts.push(next);
+    Ok(starts)
+}
+
+/// The boxes of all triangles that can be hit, in order.
+pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<PackedBox> {
+    let count = starts.last().copied().unwrap_or(0) as usize;
+    watch.expect(count as u64);
+    let mut prims = Vec::with_capacity(count);
+    let skipped = AtomicBool::new(false);
+    for (Mesh { positions, indices }, &start) in meshes.iter().zip(starts) {
+        // Nearly always all vertices are good, and triangles need no test of their own.
+        let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || chunk.iter().all(usable));
+        let one = |(i, triangle): (usize, &[u32; 3])| {
+            if i % CHUNK == CHUNK - 1 && !watch.stopped() {
+                watch.advance(CHUNK as u64);
+            }
+            if watch.halted() {
+                return PackedBox::EMPTY;
+            }
+            let corners = triangle.map(|i| positions[i as usize]);
+            let hittable = (good || corners.iter().all(usable)) && has_area(corners);
+            if !hittable {
+                skipped.store(true, Ordering::Relaxed);
+            }
+            let [a, b, c] = corners;
+            let id = if hittable { start + i as u32 } else { SKIPPED };
+            PackedBox::primitive(a.min(b).min(c), a.max(b).max(c), id)
+        };
+        if watch.stopped() {
+            break;
+        }
+        if indices.len() < CHUNK {
+            prims.extend(indices.iter().enumerate().map(one));
+        } else {
+            prims.par_extend(indices.par_iter().enumerate().with_min_len(CHUNK / 4).map(one));
+        }
+    }
+    if skipped.into_inner() {
+        prims.retain(|prim| prim.id() != SKIPPED);
+    }
+    prims
+}
+
+/// Whether a vertex is finite and not too far away.
+fn usable(vertex: &Vec3) -> bool {
+    vertex.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
+}
+
+/// Whether a triangle of usable vertices has an area, however small.
+fn has_area([a, b, c]: [Vec3; 3]) -> bool {
+    let (e, f) = (b - a, c - a);
+    let (plus, minus) = (e.zxy() * f, e * f.zxy());
+    // Each difference and product rounds by 2^-24 relative to itself: beyond the sum of that, it is not zero.
+    let doubt = (plus.abs() + minus.abs()) * 1.0e-6 + Vec3::splat(1.0e-36);
+    (plus - minus).abs().cmpgt(doubt).any() || double_area_vector(a, b, c) != DVec3::ZERO
+}
+
+/// `(b−a) × (c−a)` in double precision, where it is zero only for triangles that have no area.
+pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
+    let a = a.as_dvec3();
+    (b.as_dvec3() - a).cross(c.as_dvec3() - a)
+}
+
+/// The corners of a triangle by its running number.
+pub(crate) fn corners(meshes: &[Mesh], starts: &[u32], id: u32) -> [Vec3; 3] {
+    let (mesh, triangle) = locate(starts, id);
+    let Mesh { positions, indices } = &meshes[mesh];
+    indices[triangle].map(|index| positions[index as usize])
+}
+
+/// Splits a running triangle number into (mesh, triangle of that mesh).
+#[inline(always)]
+pub(crate) fn locate(starts: &[u32], id: u32) -> (usize, usize) {
+    // Mostly there is one mesh: its start and the total.
+    let mesh = if starts.len() <= 2 { 0 } else { starts.partition_point(|&start| start <= id).max(1) - 1 };
+    (mesh, (id - starts.get(mesh).copied().unwrap_or(0)) as usize)
+}
+
+/// Packs the triangles of each range of `prims` into a block.
+pub(crate) fn blocks(
+    meshes: &[Mesh],
+    starts: &[u32],
+    prims: &[PackedBox],
+    ranges: &[BlockRange],
+    watch: &Watch<'_>,
+) -> Vec<Block> {
+    watch.expect(ranges.len() as u64);
+    // Memory is touched for the first time by all threads.
+    let mut blocks: Vec<Block> = (0..ranges.len()).into_par_iter().map(|_| Block::EMPTY).collect();
+    let parts = blocks.par_chunks_mut(BATCH).zip(ranges.par_chunks(BATCH)).with_min_len(16);
+    parts.enumerate().for_each(|(i, (blocks, ranges))| {
+        if i % 64 == 63 && !watch.stopped() {
+            watch.advance(64 * BATCH as u64);
+        }
+        if watch.halted() {
+            return;
+        }
+        for (block, &(begin, count)) in blocks.iter_mut().zip(ranges) {
+            block.triangle = numbers(prims, &(begin, count));
+        }
+        gather(meshes, starts, blocks);
+    });
+    blocks
+}
+
+/// The numbers of the triangles of a block.
+pub(crate) fn numbers(prims: &[PackedBox], &(begin, count): &BlockRange) -> [u32; WIDTH] {
+    let mut numbers = [Block::NO_TRIANGLE; WIDTH];
+    for (number, prim) in numbers.iter_mut().zip(&prims[begin as usize..(begin + count) as usize]) {
+        *number = prim.id();
+    }
+    numbers
+}
+
+/// Reads the vertices of a few blocks from the meshes. Vertex indices come first and then the positions: in each of the
+/// loops, many loads wait for memory together.
+pub(super) fn gather(meshes: &[Mesh], starts: &[u32], blocks: &mut [Block]) {
+    let mut triangles = [[(0, [0; 3]); WIDTH]; BATCH];
+    for (block, triangles) in blocks.iter().zip(&mut triangles) {
+        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
+        for (&id, into) in used.zip(triangles) {
+            let (mesh, triangle) = locate(starts, id);
+            *into = (mesh, meshes[mesh].indices[triangle]);
+        }
+    }
+    for (block, triangles) in blocks.iter_mut().zip(&triangles) {
+        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
+        for (lane, (_, &(mesh, triangle))) in used.zip(triangles).enumerate() {
+            let positions = &meshes[mesh].positions;
+            for (vertex, index) in block.vertex.iter_mut().zip(triangle) {
+                let p = positions[index as usize];
+                [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
+            }
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Refitted trees answer like new ones, whatever became of the vertices.
+mod common;
+use std::sync::Arc;
+
+use common::{Rng, all_builders, check_all, rays, soup, tiles};
+use heliostat_kernel::{
+    BuildError, BuildOptions, Hit, Mesh, Object, Oracle, Ray, RayQuery, TriangleBvh, World, glam::Vec3,
+};
+
+fn build(meshes: &[Mesh], options: &BuildOptions) -> TriangleBvh {
+    TriangleBvh::build(meshes, options).expect("valid meshes")
+}
+
+fn moved(mesh: &Mesh, place: impl Fn(usize, Vec3) -> Vec3) -> Mesh {
+    let positions: Vec<Vec3> = mesh.positions.iter().enumerate().map(|(i, &p)| place(i, p)).collect();
+    Mesh::new(positions, mesh.indices.clone())
+}
+
+fn object(tree: TriangleBvh) -> Arc<Object> {
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
+}
+
+#[test]
+fn without_any_move_nothing_changes() {
+    let mut rng = Rng::new(51);
+    let meshes = [soup(&mut rng, 20_000, 1.0, 0.05, Vec3::ZERO), soup(&mut rng, 7, 1.0, 0.5, Vec3::ONE)];
+    for options in [BuildOptions::default(), BuildOptions::fast()] {
+        let mut tree = build(&meshes, &options);
+        let before = (tree.fingerprint(), tree.bounds(), tree.stats());
+        tree.refit(&meshes).expect("the same meshes");
+        assert_eq!((tree.fingerprint(), tree.bounds()), (before.0, before.1));
+        assert!((tree.stats().sah / before.2.sah - 1.0).abs() < 1.0e-5);
+        assert_eq!(tree.stats().sah_at_build, before.2.sah);
+    }
+}
+
+#[test]
+fn moved_vertices_are_hit_where_they_are_now() {
+    let mut rng = Rng::new(52);
+    let meshes = [soup(&mut rng, 600, 1.0, 0.4, Vec3::ZERO), soup(&mut rng, 200, 1.0, 0.1, Vec3::ZERO)];
+    let there = Vec3::new(3.0, -2.0, 1.0);
+    let shift: Vec<Vec3> = (0..3000).map(|_| rng.vec() * 0.3 + there).collect();
+    let now = [0, 1].map(|m| moved(&meshes[m], |i, p| p * 1.5 + shift[i]));
+    let rays = rays(&mut rng, 300, 1.5, there);
+    let tiles = tiles(&mut rng, 8, 1.5, there);
+    for options in all_builders() {
+        let mut tree = build(&meshes, &options);
+        tree.refit(&now).expect("the same topology");
+        assert_eq!(tree.bounds(), build(&now, &options).bounds());
+        assert!(tree.stats().sah > tree.stats().sah_at_build);
+        let root = object(tree);
+        assert_eq!(Oracle::new(&World::new(root.clone())).triangle_count(), 800);
+        check_all(&root, &rays, &tiles, 2.0e-6 * 9.0);
+    }
+}
+
+#[test]
+fn refits_are_the_same_for_any_number_of_threads_and_any_way_there() {
+    let mut rng = Rng::new(53);
+    let mesh = soup(&mut rng, 60_000, 10.0, 0.1, Vec3::ZERO);
+    let far = moved(&mesh, |i, p| p * if i % 2 == 0 { 2.0 } else { -3.0 });
+    let now = moved(&mesh, |_, p| Vec3::new(p.x + p.y.sin(), p.y, p.z * 0.5));
+    let print = |threads: usize, way: &[&Mesh]| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        pool.install(|| {
+            let mut tree = build(std::slice::from_ref(&mesh), &BuildOptions::default());
+            for &mesh in way {
+                tree.refit(std::slice::from_ref(mesh)).expect("the same topology");
+            }
+            (tree.fingerprint(), tree.stats().sah)
+        })
+    };
+    let direct = print(1, &[&now]);
+    for (threads, way) in [(2, vec![&now]), (5, vec![&now]), (2, vec![&far, &mesh, &far, &now])] {
+        assert_eq!(print(threads, &way), direct);
+    }
+}
+
+#[test]
+fn triangles_vanish_and_come_back() {
+    let mut rng = Rng::new(54);
+    let mesh = soup(&mut rng, 300, 1.0, 0.5, Vec3::ZERO);
+    let broken = moved(&mesh, |i, p| match i / 3 % 5 {
+        0 if i % 3 == 0 => Vec3::new(f32::NAN, 0.0, 0.0),
+        1 if i % 3 == 1 => Vec3::INFINITY,
+        2 => Vec3::splat(0.25),
+        3 if i % 3 == 2 => Vec3::splat(2.0e10),
+        _ => p,
+    });
+    let rays = rays(&mut rng, 200, 1.0, Vec3::ZERO);
+    let tiles = tiles(&mut rng, 4, 1.0, Vec3::ZERO);
+    for options in all_builders() {
+        let mut tree = build(std::slice::from_ref(&mesh), &options);
+        tree.refit(std::slice::from_ref(&broken)).expect("the same topology");
+        assert_eq!(tree.bounds(), build(std::slice::from_ref(&broken), &options).bounds());
+        let root = object(tree);
+        assert_eq!(Oracle::new(&World::new(root.clone())).triangle_count(), 60);
+        check_all(&root, &rays, &tiles, 2.0e-6 * 3.0);
+
+        let mut tree = build(std::slice::from_ref(&mesh), &options);
+        let nowhere = moved(&mesh, |_, _| Vec3::NAN);
+        tree.refit(&[nowhere]).expect("the same topology");
+        assert!(tree.bounds().is_empty() && tree.stats().sah == 0.0);
+        tree.refit(std::slice::from_ref(&mesh)).expect("the same topology");
+        let root = object(tree);
+        assert_eq!(Oracle::new(&World::new(root.clone())).triangle_count(), 300);
+        check_all(&root, &rays, &tiles, 2.0e-6 * 3.0);
+    }
+}
+
+#[test]
+fn a_tree_whose_triangles_are_all_gone_is_never_hit() {
+    let mesh = soup(&mut Rng::new(55), 100, 1.0, 0.5, Vec3::ZERO);
+    let mut tree = build(std::slice::from_ref(&mesh), &BuildOptions::default());
+    tree.refit(&[moved(&mesh, |_, _| Vec3::ZERO)]).expect("the same topology");
+    let world = World::new(object(tree));
+    // Empty lanes and vanished triangles are points at the origin: aim there.
+    let aimed: Vec<Ray> = [Vec3::X, Vec3::ONE, Vec3::new(1.0, 2.0, -3.0)].map(|o| Ray::new(o, -o)).to_vec();
+    let mut hits = vec![Hit::MISS; aimed.len()];
+    world.intersect(&aimed, &mut hits);
+    assert!(hits.iter().all(|hit| !hit.is_hit()));
+}
+
+#[test]
+fn another_topology_is_refused_and_changes_nothing() {
+    let mut rng = Rng::new(56);
+    let meshes = [soup(&mut rng, 40, 1.0, 0.5, Vec3::ZERO), soup(&mut rng, 30, 1.0, 0.5, Vec3::ZERO)];
+    let mut tree = build(&meshes, &BuildOptions::default());
+    let before = tree.fingerprint();
+    let error = tree.refit(&meshes[..1]).unwrap_err();
+    assert_eq!(error, BuildError::MeshCountChanged { built: 2, given: 1 });
+    let [a, b] = meshes.clone();
+    let fewer = Mesh::new(b.positions.clone(), &b.indices[..29]);
+    let error = tree.refit(&[a.clone(), fewer]).unwrap_err();
+    assert_eq!(error, BuildError::TriangleCountChanged { mesh: 1, built: 30, given: 29 });
+    assert!(error.to_string().contains("mesh 1") && error.to_string().contains("30"), "{error}");
+    let error = tree.refit(&[Mesh::new(&a.positions[..5], a.indices.clone()), b]).unwrap_err();
+    assert!(matches!(error, BuildError::IndexOutOfRange { mesh: 0, triangle: 1, .. }), "{error}");
+    assert_eq!(tree.fingerprint(), before);
+}
