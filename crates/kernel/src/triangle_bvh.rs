@@ -106,11 +106,14 @@ impl TriangleBvh {
         let bounds = Aabb::new(binary.nodes[0].bounds().lo(), binary.nodes[0].bounds().hi());
         watch.stage(850);
         let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
+        watch.check()?;
+        drop(binary);
         let ranges = match block_list {
             Some(list) => ranges.iter().map(|&(block, _)| list[block as usize]).collect(),
             None => ranges,
         };
-        watch.check()?;
+        // The memory of the boxes is free before that of the blocks is taken.
+        let numbers = triangles::numbers(prims, &ranges);
         watch.stage(1000);
         let mut bvh = Self {
             block_cost: options.intersection_cost,
@@ -122,12 +125,11 @@ impl TriangleBvh {
             ..Self::default()
         };
         match options.layout {
-            Layout::Full => bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &prims, &ranges, &watch),
+            Layout::Full => bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &numbers, &watch),
             Layout::Compact => {
                 bvh.tree.compress();
-                let blocks =
-                    ranges.par_iter().map(|range| CompactBlock::new(&triangles::numbers(&prims, range)));
-                bvh.compact = CompactBlocks { blocks: blocks.collect(), meshes: meshes.to_vec() };
+                let blocks = numbers.par_iter().map(CompactBlock::new).collect();
+                bvh.compact = CompactBlocks { blocks, meshes: meshes.to_vec() };
             }
         }
         watch.check()?;

@@ -122,40 +122,38 @@ pub(crate) fn locate(starts: &[u32], id: u32) -> (usize, usize) {
     (mesh, (id - starts.get(mesh).copied().unwrap_or(0)) as usize)
 }
 
-/// Packs the triangles of each range of `prims` into a block.
+/// The numbers of the triangles of each block.
+pub(crate) fn numbers(prims: Vec<PackedBox>, ranges: &[BlockRange]) -> Vec<[u32; WIDTH]> {
+    let of_block = |&(begin, count): &BlockRange| {
+        let mut numbers = [Block::NO_TRIANGLE; WIDTH];
+        for (number, prim) in numbers.iter_mut().zip(&prims[begin as usize..(begin + count) as usize]) {
+            *number = prim.id();
+        }
+        numbers
+    };
+    ranges.par_iter().with_min_len(256).map(of_block).collect()
+}
+
+/// Blocks of the triangles given, 8 each.
 pub(crate) fn blocks(
     meshes: &[Mesh],
     starts: &[u32],
-    prims: &[PackedBox],
-    ranges: &[BlockRange],
+    numbers: &[[u32; WIDTH]],
     watch: &Watch<'_>,
 ) -> Vec<Block> {
-    watch.expect(ranges.len() as u64);
+    watch.expect(numbers.len() as u64);
     // Memory is touched for the first time by all threads.
-    let mut blocks: Vec<Block> = (0..ranges.len()).into_par_iter().map(|_| Block::EMPTY).collect();
-    let parts = blocks.par_chunks_mut(BATCH).zip(ranges.par_chunks(BATCH)).with_min_len(16);
-    parts.enumerate().for_each(|(i, (blocks, ranges))| {
+    let numbered = |&triangle: &[u32; WIDTH]| Block { triangle, ..Block::EMPTY };
+    let mut blocks: Vec<Block> = numbers.par_iter().map(numbered).collect();
+    blocks.par_chunks_mut(BATCH).with_min_len(16).enumerate().for_each(|(i, blocks)| {
         if i % 64 == 63 && !watch.stopped() {
             watch.advance(64 * BATCH as u64);
         }
-        if watch.halted() {
-            return;
+        if !watch.halted() {
+            gather(meshes, starts, blocks);
         }
-        for (block, &(begin, count)) in blocks.iter_mut().zip(ranges) {
-            block.triangle = numbers(prims, &(begin, count));
-        }
-        gather(meshes, starts, blocks);
     });
     blocks
-}
-
-/// The numbers of the triangles of a block.
-pub(crate) fn numbers(prims: &[PackedBox], &(begin, count): &BlockRange) -> [u32; WIDTH] {
-    let mut numbers = [Block::NO_TRIANGLE; WIDTH];
-    for (number, prim) in numbers.iter_mut().zip(&prims[begin as usize..(begin + count) as usize]) {
-        *number = prim.id();
-    }
-    numbers
 }
 
 /// Reads the vertices of a few blocks from the meshes. Vertex indices come first and then the positions: in each of the
