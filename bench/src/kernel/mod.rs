@@ -1,0 +1,166 @@
+//! `kernel`: Heliostat's ray tracing kernel and its peers on the same scenes and rays, in one run.
+
+mod embree;
+mod measure;
+mod ours;
+mod rays;
+mod scenes;
+mod terrain;
+mod versus;
+
+use std::path::PathBuf;
+
+use heliostat::kernel::Isa;
+use heliostat::kernel::glam::Vec3;
+
+use self::embree::Embree;
+use self::scenes::{Origin, Spec};
+use crate::{report, result};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Only this scene: one of the standard ones, a built-in one, or a file [may be repeated]
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Vec<String>,
+    /// Only these rays: primary, light, vpl16, vpl16-3x3, diffuse, ao, mirror [may be repeated]
+    #[arg(long, value_name = "KIND", value_parser = kind)]
+    rays: Vec<rays::Kind>,
+    /// Where to look from, for a single scene
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "target", allow_hyphen_values = true)]
+    eye: Option<Vec3>,
+    /// What to look at
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
+    target: Option<Vec3>,
+    /// Vertical field of view in degrees, of a view placed by hand
+    #[arg(long, default_value_t = 45.0)]
+    fov: f32,
+    /// Pixels along the edge of the square picture
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Interleaved runs of each engine; medians count
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    runs: u32,
+    /// Kinds of rays are thinned out to so many millions
+    #[arg(long, default_value_t = 4.0)]
+    most: f64,
+    /// Threads: 1, 2, … or `all` [may be repeated; default: 1 and all]
+    #[arg(long, value_name = "N|all", value_parser = threads)]
+    threads: Vec<usize>,
+    /// Instruction set of both engines: avx512, avx2 or sse4.2
+    #[arg(long, value_parser = isa)]
+    isa: Option<Isa>,
+    /// Triangles of the generated terrain
+    #[arg(long, default_value_t = 10_000_000)]
+    terrain: usize,
+    /// Write the results to a file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+fn kind(name: &str) -> Result<rays::Kind, String> {
+    let names = || rays::Kind::ALL.map(rays::Kind::name).join(", ");
+    let found = rays::Kind::ALL.into_iter().find(|kind| kind.name() == name);
+    found.ok_or_else(|| format!("`{name}` is none of {}", names()))
+}
+
+fn vector(text: &str) -> Result<Vec3, String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse::<f32>()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if Vec3::new(x, y, z).is_finite() => Ok(Vec3::new(x, y, z)),
+        _ => Err(format!("`{text}` is not a vector; write three numbers X,Y,Z")),
+    }
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    let number = if text == "all" { Some(all_threads()) } else { text.parse().ok().filter(|&n| n > 0) };
+    number.ok_or_else(|| format!("`{text}` is neither a number of threads nor `all`"))
+}
+
+fn isa(name: &str) -> Result<Isa, String> {
+    name.parse().map_err(|error: heliostat::kernel::IsaError| error.to_string())
+}
+
+fn all_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, Into::into)
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// When a scene cannot be read or a result cannot be written.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
+    let specs = specs(arguments)?;
+    let isa = arguments.isa.unwrap_or_else(Isa::best);
+    let embree = match Embree::load(embree_isa(arguments.isa)?) {
+        Ok(embree) => {
+            result(&format!("Embree {}, {} wide", embree.version, if embree.native16 { 16 } else { 8 }));
+            Some(embree)
+        }
+        Err(problem) => {
+            report(&format!("note: only our own figures: {problem}"));
+            None
+        }
+    };
+    let kinds = if arguments.rays.is_empty() { rays::Kind::ALL.to_vec() } else { arguments.rays.clone() };
+    let threads =
+        if arguments.threads.is_empty() { vec![1, all_threads()] } else { arguments.threads.clone() };
+    let versus = versus::Versus {
+        embree: embree.as_ref(),
+        isa,
+        size: arguments.size,
+        runs: arguments.runs as usize,
+        most: (arguments.most * 1e6) as usize,
+        threads,
+        kinds,
+    };
+    for spec in &specs {
+        versus.scene(spec)?;
+    }
+    Ok(())
+}
+
+/// What Embree calls the instruction set, if one is forced.
+fn embree_isa(isa: Option<Isa>) -> Result<Option<&'static str>, String> {
+    Ok(match isa {
+        None => None,
+        Some(Isa::Avx512) => Some("avx512"),
+        Some(Isa::Avx2) => Some("avx2"),
+        Some(Isa::Sse42) => Some("sse4.2"),
+        Some(other) => {
+            return Err(format!("{other} cannot be forced on both engines; take avx512, avx2 or sse4.2"));
+        }
+    })
+}
+
+fn specs(arguments: &Arguments) -> Result<Vec<Spec>, String> {
+    let view = arguments.eye.zip(arguments.target).map(|(eye, target)| (eye, target, arguments.fov));
+    let (standard, missing) = scenes::standard(arguments.terrain);
+    if arguments.scene.is_empty() {
+        if view.is_some() {
+            return Err("--eye and --target need a --scene".into());
+        }
+        if !missing.is_empty() {
+            let folder = scenes::scenes_folder();
+            report(&format!("note: left out, for want of {}: {}", folder.display(), missing.join(", ")));
+        }
+        return Ok(standard);
+    }
+    let named = |name: &String| {
+        let known = standard.iter().find(|spec| spec.name == *name).cloned();
+        let builtin = || {
+            let (name, _) = heliostat::builtin::names().iter().find(|(builtin, _)| builtin == name)?;
+            Some(Spec { name: (*name).into(), source: Origin::Builtin(name), view: None, light: None })
+        };
+        let file = || {
+            let path = PathBuf::from(name);
+            let stem =
+                path.file_stem().map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
+            let source = if path.is_dir() { Origin::Folder(path) } else { Origin::File(path) };
+            Spec { name: stem, source, view: None, light: None }
+        };
+        let mut spec = known.or_else(builtin).unwrap_or_else(file);
+        spec.view = view.or(spec.view);
+        spec
+    };
+    Ok(arguments.scene.iter().map(named).collect())
+}
