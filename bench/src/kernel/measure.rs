@@ -108,13 +108,20 @@ pub(super) fn time(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&Thr
 }
 
 /// Runs two measurements in turn, A B A B …, and returns the medians of their results.
-pub(super) fn interleave(runs: usize, mut a: impl FnMut() -> f64, mut b: impl FnMut() -> f64) -> (f64, f64) {
+///
+/// # Errors
+/// The first of either.
+pub(super) fn interleave(
+    runs: usize,
+    mut a: impl FnMut() -> Result<f64, String>,
+    mut b: impl FnMut() -> Result<f64, String>,
+) -> Result<(f64, f64), String> {
     let mut results = (Vec::with_capacity(runs), Vec::with_capacity(runs));
     for _ in 0..runs {
-        results.0.push(a());
-        results.1.push(b());
+        results.0.push(a()?);
+        results.1.push(b()?);
     }
-    (median(&mut results.0), median(&mut results.1))
+    Ok((median(&mut results.0), median(&mut results.1)))
 }
 
 /// The middle value, or the mean of the two middle ones; NaN of nothing.
@@ -215,9 +222,9 @@ mod tests {
         let order = std::cell::RefCell::new(String::new());
         let run = |name| {
             order.borrow_mut().push(name);
-            1.0
+            Ok(1.0)
         };
-        assert_eq!(interleave(3, || run('a'), || run('b')), (1.0, 1.0));
+        assert_eq!(interleave(3, || run('a'), || run('b')), Ok((1.0, 1.0)));
         assert_eq!(order.into_inner(), "ababab");
     }
 }

@@ -1,9 +1,12 @@
 //! `kernel`: Heliostat's ray tracing kernel and its peers on the same scenes and rays, in one run.
 
+mod builds;
 mod embree;
 mod measure;
+mod obvhs;
 mod ours;
 mod rays;
+mod results;
 mod scenes;
 mod terrain;
 mod versus;
@@ -14,6 +17,7 @@ use heliostat::kernel::Isa;
 use heliostat::kernel::glam::Vec3;
 
 use self::embree::Embree;
+use self::results::{Machine, Results};
 use self::scenes::{Origin, Spec};
 use crate::{report, result};
 
@@ -40,6 +44,12 @@ pub(crate) struct Arguments {
     /// Interleaved runs of each engine; medians count
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     runs: u32,
+    /// Interleaved runs of each builder; 0 leaves builds out
+    #[arg(long, default_value_t = 3)]
+    build_runs: usize,
+    /// Leave out the crate obvhs
+    #[arg(long)]
+    without_obvhs: bool,
     /// Kinds of rays are thinned out to so many millions
     #[arg(long, default_value_t = 4.0)]
     most: f64,
@@ -109,12 +119,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         isa,
         size: arguments.size,
         runs: arguments.runs as usize,
+        build_runs: arguments.build_runs,
         most: (arguments.most * 1e6) as usize,
         threads,
         kinds,
+        obvhs: !arguments.without_obvhs,
     };
+    let mut results = Results::default();
     for spec in &specs {
-        versus.scene(spec)?;
+        results.merge(versus.scene(spec)?);
+    }
+    let mut peers: Vec<String> = embree.iter().map(Embree::name).collect();
+    peers.extend(versus.obvhs.then(|| obvhs::NAME.to_string()));
+    results.machine = Machine::here(peers);
+    finish(&results, arguments)
+}
+
+/// Prints how the rows stand to the bars and writes what is asked for.
+fn finish(results: &Results, arguments: &Arguments) -> Result<(), String> {
+    result("");
+    results.summary().iter().for_each(|line| result(line));
+    if let Some(path) = &arguments.json {
+        let json = serde_json::to_string_pretty(results).map_err(|error| error.to_string())?;
+        std::fs::write(path, json + "\n").map_err(|error| format!("{}: {error}", path.display()))?;
     }
     Ok(())
 }

@@ -185,7 +185,7 @@ impl Device {
     }
 
     /// Bytes that the device holds now: trees, vertices and indices.
-    pub(super) fn bytes(&self) -> usize {
+    pub(in crate::kernel) fn bytes(&self) -> usize {
         self.bytes.load(Ordering::Relaxed).max(0) as usize
     }
 

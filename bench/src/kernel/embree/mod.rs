@@ -102,6 +102,11 @@ impl Embree {
         Ok(embree)
     }
 
+    /// As in the results.
+    pub(super) fn name(&self) -> String {
+        format!("Embree {}", self.version)
+    }
+
     /// A device that builds with so many threads. No two should live at once: they share the task scheduler.
     pub(super) fn device(&self, threads: usize) -> Result<Arc<Device>, String> {
         let isa = self.isa.map(|isa| format!(",isa={isa}")).unwrap_or_default();
