@@ -2,23 +2,27 @@
 
 mod builds;
 mod embree;
+mod markdown;
 mod measure;
 mod obvhs;
 mod ours;
+mod plot;
 mod rays;
 mod results;
 mod scenes;
 mod terrain;
 mod versus;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use heliostat::kernel::Isa;
 use heliostat::kernel::glam::Vec3;
 
 use self::embree::Embree;
+use self::rays::Kind;
 use self::results::{Machine, Results};
 use self::scenes::{Origin, Spec};
+use self::versus::Versus;
 use crate::{report, result};
 
 #[derive(Debug, clap::Args)]
@@ -28,7 +32,7 @@ pub(crate) struct Arguments {
     scene: Vec<String>,
     /// Only these rays: primary, light, vpl16, vpl16-3x3, diffuse, ao, mirror [may be repeated]
     #[arg(long, value_name = "KIND", value_parser = kind)]
-    rays: Vec<rays::Kind>,
+    rays: Vec<Kind>,
     /// Where to look from, for a single scene
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "target", allow_hyphen_values = true)]
     eye: Option<Vec3>,
@@ -65,11 +69,20 @@ pub(crate) struct Arguments {
     /// Write the results to a file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Put the tables between the markers `kernel:begin` and `kernel:end` of a Markdown page
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// Instead of scenes, measure primary rays over terrains of 1,000 to 10,000,000 triangles and draw their cost
+    #[arg(long, value_name = "FILE.svg", conflicts_with_all = ["scene", "rays"])]
+    plot: Option<PathBuf>,
+    /// Take the results of earlier runs, written by --json, instead of measuring [may be repeated]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "rays", "plot"])]
+    from: Vec<PathBuf>,
 }
 
-fn kind(name: &str) -> Result<rays::Kind, String> {
-    let names = || rays::Kind::ALL.map(rays::Kind::name).join(", ");
-    let found = rays::Kind::ALL.into_iter().find(|kind| kind.name() == name);
+fn kind(name: &str) -> Result<Kind, String> {
+    let names = || Kind::ALL.map(Kind::name).join(", ");
+    let found = Kind::ALL.into_iter().find(|kind| kind.name() == name);
     found.ok_or_else(|| format!("`{name}` is none of {}", names()))
 }
 
@@ -99,11 +112,17 @@ fn all_threads() -> usize {
 /// # Errors
 /// When a scene cannot be read or a result cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
-    let specs = specs(arguments)?;
-    let isa = arguments.isa.unwrap_or_else(Isa::best);
+    if !arguments.from.is_empty() {
+        let mut results = Results::default();
+        for path in &arguments.from {
+            results.merge(read(path)?);
+        }
+        return finish(&results, arguments);
+    }
     let embree = match Embree::load(embree_isa(arguments.isa)?) {
         Ok(embree) => {
-            result(&format!("Embree {}, {} wide", embree.version, if embree.native16 { 16 } else { 8 }));
+            let width = if embree.native16 { 16 } else { 8 };
+            report(&format!("{}, packets of up to {width} rays", embree.name()));
             Some(embree)
         }
         Err(problem) => {
@@ -111,19 +130,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
             None
         }
     };
-    let kinds = if arguments.rays.is_empty() { rays::Kind::ALL.to_vec() } else { arguments.rays.clone() };
-    let threads =
-        if arguments.threads.is_empty() { vec![1, all_threads()] } else { arguments.threads.clone() };
-    let versus = versus::Versus {
+    let all = || vec![1, all_threads()];
+    let mut versus = Versus {
         embree: embree.as_ref(),
-        isa,
+        isa: arguments.isa.unwrap_or_else(Isa::best),
         size: arguments.size,
         runs: arguments.runs as usize,
         build_runs: arguments.build_runs,
         most: (arguments.most * 1e6) as usize,
-        threads,
-        kinds,
+        threads: if arguments.threads.is_empty() { all() } else { arguments.threads.clone() },
+        kinds: if arguments.rays.is_empty() { Kind::ALL.to_vec() } else { arguments.rays.clone() },
         obvhs: !arguments.without_obvhs,
+    };
+    versus.threads.dedup();
+    let specs = match &arguments.plot {
+        None => specs(arguments)?,
+        Some(_) => {
+            (versus.threads, versus.kinds) = (vec![1], vec![Kind::Primary]);
+            (versus.build_runs, versus.obvhs) = (0, false);
+            plot::COUNTS.map(Spec::terrain).to_vec()
+        }
     };
     let mut results = Results::default();
     for spec in &specs {
@@ -132,7 +158,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     let mut peers: Vec<String> = embree.iter().map(Embree::name).collect();
     peers.extend(versus.obvhs.then(|| obvhs::NAME.to_string()));
     results.machine = Machine::here(peers);
+    if let Some(path) = &arguments.plot {
+        write(path, &plot::svg(&results.rows))?;
+    }
     finish(&results, arguments)
+}
+
+fn read(path: &Path) -> Result<Results, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Prints how the rows stand to the bars and writes what is asked for.
@@ -141,7 +179,12 @@ fn finish(results: &Results, arguments: &Arguments) -> Result<(), String> {
     results.summary().iter().for_each(|line| result(line));
     if let Some(path) = &arguments.json {
         let json = serde_json::to_string_pretty(results).map_err(|error| error.to_string())?;
-        std::fs::write(path, json + "\n").map_err(|error| format!("{}: {error}", path.display()))?;
+        write(path, &(json + "\n"))?;
+    }
+    if let Some(path) = &arguments.markdown {
+        let page = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let spliced = markdown::splice(&page, &markdown::tables(results));
+        write(path, &spliced.map_err(|error| format!("{}: {error}", path.display()))?)?;
     }
     Ok(())
 }

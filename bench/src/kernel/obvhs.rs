@@ -61,7 +61,8 @@ pub(super) struct Tree {
 impl Tree {
     pub(super) fn new(triangles: &[Triangle], (preset, parameters): (&'static str, BvhBuildParams)) -> Self {
         let bvh = build(triangles, parameters);
-        let triangles = bvh.primitive_indices.iter().map(|&i| RtTriangle::from(&triangles[i as usize])).collect();
+        let triangles =
+            bvh.primitive_indices.iter().map(|&i| RtTriangle::from(&triangles[i as usize])).collect();
         Self { preset, bvh, triangles }
     }
 }
@@ -105,8 +106,11 @@ impl Tracer for ObvhsRays<'_> {
                         let mut hit = RayHit::none();
                         let found = bvh.ray_traverse(*ray, &mut hit, |ray, id| triangles[id].intersect(ray));
                         let index = hit.primitive_id as usize;
-                        (*t, *primitive) =
-                            if found { (hit.t, bvh.primitive_indices[index]) } else { (f32::INFINITY, u32::MAX) };
+                        (*t, *primitive) = if found {
+                            (hit.t, bvh.primitive_indices[index])
+                        } else {
+                            (f32::INFINITY, u32::MAX)
+                        };
                     }
                 }
             }

@@ -48,7 +48,8 @@ impl Ours {
     /// # Errors
     /// When the mesh cannot be built or the instruction set is missing.
     pub(super) fn new(mesh: &Mesh, build: &NamedBuild, isa: Isa) -> Result<Self, String> {
-        let object = Object::new(Some(Arc::new(build.build(mesh)?)), Vec::new()).map_err(|e| e.to_string())?;
+        let object =
+            Object::new(Some(Arc::new(build.build(mesh)?)), Vec::new()).map_err(|e| e.to_string())?;
         let world = World::with_isa(Arc::new(object), isa).map_err(|e| e.to_string())?;
         Ok(Self { build: build.name, world })
     }

@@ -267,11 +267,16 @@ pub(super) mod tests {
         assert_eq!(primary.least, (1.0, "b".into()));
         let dense = results.standing("avx2", BARS[1].rays).expect("rows");
         assert!((dense.mean - 1.6_f64.sqrt()).abs() < 1e-12);
-        assert!(results.standing("avx2", &["ao"]).is_none() && results.standing("avx512", &["primary"]).is_none());
+        assert!(
+            results.standing("avx2", &["ao"]).is_none() && results.standing("avx512", &["primary"]).is_none()
+        );
         let (threads, ours, peer) = results.scaling().expect("two threads");
         assert!(threads == 2 && (ours - 1.9).abs() < 1e-12 && (peer.expect("a peer") - 2.0).abs() < 1e-12);
         let summary = results.summary().join("\n");
-        assert!(summary.contains("mean  2.00 (bar 3.50 NOT met)   least  1.00 on b (bar 2.00 NOT met)"), "{summary}");
+        assert!(
+            summary.contains("mean  2.00 (bar 3.50 NOT met)   least  1.00 on b (bar 2.00 NOT met)"),
+            "{summary}"
+        );
     }
 
     #[test]
@@ -283,7 +288,18 @@ pub(super) mod tests {
                 assert!(value.get(name).is_some_and(|v| !v.is_null()), "{name} in {value}");
             }
         };
-        let row = ["scene", "rays", "threads", "isa", "ours", "peer", "peer_name", "peer_variant", "ratio", "disagree"];
+        let row = [
+            "scene",
+            "rays",
+            "threads",
+            "isa",
+            "ours",
+            "peer",
+            "peer_name",
+            "peer_variant",
+            "ratio",
+            "disagree",
+        ];
         keys(&json["rows"][0], &row);
         let build = ["scene", "builder", "threads", "mtris_per_s", "sah", "bytes_per_tri", "peer", "ratio"];
         keys(&json["builds"][0], &build);

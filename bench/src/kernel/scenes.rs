@@ -56,6 +56,14 @@ pub(super) struct Spec {
     pub(super) light: Option<Vec3>,
 }
 
+impl Spec {
+    /// A terrain that is named by its size.
+    pub(super) fn terrain(triangles: usize) -> Self {
+        let name = format!("terrain-{triangles}");
+        Self { name, source: Origin::Terrain(triangles), view: None, light: None }
+    }
+}
+
 /// Where a scene comes from.
 #[derive(Clone, Debug)]
 pub(super) enum Origin {
@@ -170,7 +178,7 @@ struct Collected {
 
 impl Collected {
     fn add_file(&mut self, path: &Path) -> Result<Option<Camera>, String> {
-        let loaded = load(path, &Limits::default()).map_err(|e| e.to_string())?;
+        let loaded = load(path, &Limits::default()).map_err(|e| format!("{}: {e}", path.display()))?;
         self.add_edits(&loaded.edits)
     }
 

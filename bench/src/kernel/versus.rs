@@ -53,7 +53,8 @@ impl Versus<'_> {
         let mut results = Results::default();
         if self.build_runs > 0 {
             let (scene, mesh) = (&flat.name, &flat.mesh);
-            let builds = Builds { scene, mesh, embree: self.embree, runs: self.build_runs, obvhs: self.obvhs };
+            let builds =
+                Builds { scene, mesh, embree: self.embree, runs: self.build_runs, obvhs: self.obvhs };
             for &threads in &self.threads {
                 results.builds.extend(builds.measure(threads)?);
             }
@@ -73,7 +74,8 @@ impl Versus<'_> {
 
     fn trees(&self, flat: &Flat) -> Result<Trees, String> {
         let ours = ours::builds();
-        let ours = ours.iter().filter(|build| build.traced).map(|build| Ours::new(&flat.mesh, build, self.isa));
+        let ours =
+            ours.iter().filter(|build| build.traced).map(|build| Ours::new(&flat.mesh, build, self.isa));
         let mut trees = Trees {
             name: flat.name.clone(),
             triangles: flat.mesh.indices.len(),
@@ -92,7 +94,8 @@ impl Versus<'_> {
         if self.obvhs && self.kinds.iter().any(|kind| obvhs::KINDS.contains(kind)) {
             if obvhs::takes(&flat.mesh) {
                 let triangles = obvhs::triangles(&flat.mesh);
-                trees.obvhs = obvhs::presets()[1..].iter().map(|&p| obvhs::Tree::new(&triangles, p)).collect();
+                trees.obvhs =
+                    obvhs::presets()[1..].iter().map(|&p| obvhs::Tree::new(&triangles, p)).collect();
             } else {
                 report(&format!("note: {}: too large or not finite for {}", flat.name, obvhs::NAME));
             }
@@ -106,7 +109,8 @@ impl Versus<'_> {
             return Ok(Vec::new());
         }
         let mut answers = Answers::new(set.items.len(), set.kind.query() == Query::Closest);
-        let ours = fastest(&trees.ours, |ours| time(&our_rays(ours, set), &mut answers, None)).ok_or("no build")?;
+        let ours =
+            fastest(&trees.ours, |ours| time(&our_rays(ours, set), &mut answers, None)).ok_or("no build")?;
         let best = self.best_variant(&trees.embree, set, &mut answers);
         let mut rows = Vec::new();
         for &threads in &self.threads {
@@ -140,7 +144,8 @@ impl Versus<'_> {
         answers: &mut Answers,
     ) -> Result<Row, String> {
         let rays = &obvhs::Rays::new(set);
-        let tree = fastest(&trees.obvhs, |tree| sample(&ObvhsRays { tree, rays }, answers)).ok_or("no tree")?;
+        let tree =
+            fastest(&trees.obvhs, |tree| sample(&ObvhsRays { tree, rays }, answers)).ok_or("no tree")?;
         let mut row = self.row(trees, ours, set, 1);
         row.peer_name = Some(obvhs::NAME.into());
         row.peer_variant = Some(format!("CWBVH, single rays, {}", tree.preset));
