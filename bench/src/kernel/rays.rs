@@ -351,3 +351,75 @@ fn hash(value: u32, salt: u32) -> u32 {
     };
     mix(value ^ mix(salt))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    use heliostat::kernel::{BuildOptions, Mesh, Object, TriangleBvh, World};
+
+    #[test]
+    fn sixteen_in_a_row_are_a_block_of_four_by_four() {
+        for stride in [1, 3] {
+            let pixels: Vec<_> = tile_pixels((48, 96), stride, 1024).collect();
+            assert_eq!(pixels.len(), 256);
+            for block in pixels.chunks(16) {
+                let (x, y) = (block[0].0, block[0].1);
+                let expected: std::collections::BTreeSet<_> =
+                    (0..16).map(|i| (x + i % 4 * stride, y + i / 4 * stride)).collect();
+                assert_eq!(block.iter().copied().collect::<std::collections::BTreeSet<_>>(), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn interleaved_sets_cover_each_pixel_once() {
+        let size = 100;
+        let mut seen = vec![0; (size * size) as usize];
+        for (x, y) in tiles(size, TILE * INTERLEAVE) {
+            for set in 0..INTERLEAVE * INTERLEAVE {
+                let corner = (x + set % INTERLEAVE, y + set / INTERLEAVE);
+                tile_pixels(corner, INTERLEAVE, size).for_each(|(x, y)| seen[(y * size + x) as usize] += 1);
+            }
+        }
+        assert!(seen.iter().all(|&n| n == 1));
+    }
+
+    /// Looks down on a square floor that fills the picture.
+    fn over_a_floor(most: usize, check: impl Fn(&Source<'_, World>)) {
+        let corners = [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)];
+        let positions: Vec<Vec3> = corners.iter().map(|&(x, z)| Vec3::new(x, 0.0, z)).collect();
+        let mesh = Mesh::new(positions, vec![[0, 2, 1], [0, 3, 2]]);
+        let tree = TriangleBvh::build(&[mesh], &BuildOptions::default()).expect("a tree");
+        let world = World::new(Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("an object")));
+        let view = View { eye: 4.0 * Vec3::Y, forward: Vec3::NEG_Y, right: Vec3::X, up: Vec3::NEG_Z };
+        check(&Source::new(&world, view, Some(Vec3::new(1.0, 3.0, 0.5)), 64, most));
+    }
+
+    #[test]
+    fn every_kind_has_the_rays_that_it_says() {
+        over_a_floor(usize::MAX, |source| {
+            assert_eq!(source.coverage(), 1.0);
+            for kind in [Kind::Primary, Kind::Light, Kind::Diffuse, Kind::Ao, Kind::Mirror] {
+                assert_eq!(source.rays(kind).count, 64 * 64, "{}", kind.name());
+            }
+            for item in &source.rays(Kind::Light).items {
+                assert!(item.rays().iter().all(|ray| ray.direction.y < 0.0 && ray.t_max < 1.0));
+            }
+            for item in &source.rays(Kind::Mirror).items {
+                assert!(item.rays().iter().all(|ray| ray.direction.y > 0.0 && ray.origin.y > 0.0));
+            }
+            // All virtual lights lie on the floor, so none sends light along it.
+            assert_eq!(source.rays(Kind::Vpl16).count, 0);
+        });
+    }
+
+    #[test]
+    fn no_more_rays_than_allowed() {
+        over_a_floor(1000, |source| {
+            let light = source.rays(Kind::Light);
+            assert!(light.count <= 1000 && light.count >= 500, "{}", light.count);
+        });
+    }
+}
