@@ -143,7 +143,8 @@ pub(super) struct Source<'a, Q: RayQuery> {
 }
 
 impl<'a, Q: RayQuery> Source<'a, Q> {
-    /// Looks at the scene with `size`² pixels. Kinds with more than `most` rays are thinned out to every k-th tile.
+    /// Looks at the scene with `size`² pixels. Kinds with many more than `most` rays are thinned out to every k-th
+    /// tile.
     /// Without a light one is hung up where it reaches much of what is seen.
     pub(super) fn new(world: &'a Q, view: View, light: Option<Vec3>, size: u32, most: usize) -> Self {
         let bounds = world.bounds();
@@ -416,10 +417,11 @@ mod tests {
     }
 
     #[test]
-    fn no_more_rays_than_allowed() {
+    fn about_as_many_rays_as_allowed() {
         over_a_floor(1000, |source| {
             let light = source.rays(Kind::Light);
-            assert!(light.count <= 1000 && light.count >= 500, "{}", light.count);
+            // To whole tiles.
+            assert!((500..1000 + 256).contains(&light.count), "{}", light.count);
         });
     }
 }
