@@ -1,6 +1,7 @@
 //! Builders side by side: million triangles per second and bytes per triangle.
 //!
-//! Bytes are all that tracing needs. Ours: nodes and leaves, which hold their own copy of the vertices. Embree's: what
+//! Bytes are all that tracing needs. Ours: nodes and leaves, which hold their own copy of the vertices, or else the mesh
+//! as well. Embree's: what
 //! its device holds after the commit, that is the tree with the vertex and index buffers. `obvhs`: nodes, indices and
 //! the triangles in their order.
 
@@ -98,6 +99,8 @@ impl Builds<'_> {
     fn row(&self, build: &NamedBuild, pool: &ThreadPool) -> Result<BuildRow, String> {
         let tree = pool.install(|| build.build(self.mesh))?;
         let (stats, triangles) = (tree.stats(), self.mesh.indices.len());
+        let mesh = size_of_val(&self.mesh.positions[..]) + size_of_val(&self.mesh.indices[..]);
+        let bytes = stats.bytes + if build.shares_mesh { mesh } else { 0 };
         Ok(BuildRow {
             scene: self.scene.into(),
             triangles,
@@ -105,7 +108,7 @@ impl Builds<'_> {
             threads: pool.current_num_threads(),
             mtris_per_s: f64::NAN,
             sah: f64::from(stats.sah),
-            bytes_per_tri: stats.bytes as f64 / triangles as f64,
+            bytes_per_tri: bytes as f64 / triangles as f64,
             peer: None,
             peer_name: None,
             peer_variant: None,

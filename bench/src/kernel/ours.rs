@@ -14,6 +14,8 @@ pub(super) struct NamedBuild {
     options: BuildOptions,
     /// Whether rays are traced through it: the fastest of these counts.
     pub(super) traced: bool,
+    /// Whether the tree reads the vertices from the mesh, whose bytes then count as well.
+    pub(super) shares_mesh: bool,
     /// The peer's build that it is held against.
     pub(super) counterpart: embree::Build,
 }
@@ -24,6 +26,7 @@ pub(super) fn builds() -> Vec<NamedBuild> {
         name: "default",
         options: BuildOptions::default(),
         traced: true,
+        shares_mesh: false,
         counterpart: embree::Build::MEDIUM,
     }]
 }

@@ -114,9 +114,9 @@ pub(super) fn standard(terrain: usize) -> (Vec<Spec>, Vec<String>) {
         Spec { name: "conference".into(), source: Origin::Builtin("conference"), view: None, light: None },
         file("sponza", "sponza-dabrovic/sponza.obj", Some((v(-12.0, 2.5, 0.3), v(0.0, 3.6, -0.4), 65.0))),
         file("dragon", "stanford-dragon/dragon_vrip.ply.gz", None),
-        file("office", "office-mgf/office.obj", None),
+        file("office", "office-mgf/office.obj", Some((v(-1.84, 2.39, 2.14), v(-1.13, 1.83, 0.36), 60.0))),
         file("helmet", "gltf/FlightHelmet/FlightHelmet.gltf", None),
-        file("palm", "gltf/PalmTree/PalmTree.gltf", None),
+        file("palm", "gltf/PalmTree/PalmTree.gltf", Some((v(2.0, 2.8, 3.2), v(0.0, 2.7, -0.6), 50.0))),
         file("city", "sionna-etoile/meshes", None),
         Spec { name: "terrain".into(), source: Origin::Terrain(terrain), view: None, light: None },
     ];
