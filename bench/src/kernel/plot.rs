@@ -18,8 +18,9 @@ pub(super) fn svg(rows: &[Row]) -> String {
     let ours: Vec<_> = rows.iter().map(|row| point(row, row.ours)).collect();
     let peer: Vec<_> = rows.iter().filter_map(|row| row.peer.map(|rate| point(row, rate))).collect();
     let all = || ours.iter().chain(&peer);
-    let least = all().map(|p| p.0).fold(f64::INFINITY, f64::min).log10().floor();
-    let most = all().map(|p| p.0).fold(1.0, f64::max).log10().ceil().max(least + 1.0);
+    // The terrain's counts are near round numbers, on either side of them.
+    let least = (all().map(|p| p.0).fold(f64::INFINITY, f64::min).log10() + 0.05).floor();
+    let most = (all().map(|p| p.0).fold(1.0, f64::max).log10() - 0.05).ceil().max(least + 1.0);
     let (step, top) = scale(all().map(|p| p.1).fold(0.0, f64::max));
     let (width, height) = (SIZE.0 - MARGIN.0 - MARGIN.1, SIZE.1 - MARGIN.2 - MARGIN.3);
     let x = |n: f64| MARGIN.0 + width * (n.log10() - least) / (most - least);
