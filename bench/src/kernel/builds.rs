@@ -1,9 +1,8 @@
 //! Builders side by side: million triangles per second and bytes per triangle.
 //!
 //! Bytes are all that tracing needs. Ours: nodes and leaves, which hold their own copy of the vertices, or else the mesh
-//! as well. Embree's: what
-//! its device holds after the commit, that is the tree with the vertex and index buffers. `obvhs`: nodes, indices and
-//! the triangles in their order.
+//! as well. Embree's: what its device holds after the commit, that is the tree with the vertex and index buffers.
+//! `obvhs`: nodes, indices and the triangles in their order.
 
 use std::hint::black_box;
 

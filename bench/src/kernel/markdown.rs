@@ -27,6 +27,7 @@ pub(super) fn tables(results: &Results) -> String {
     }
     text += &second_peer(results);
     text += &builds(results);
+    text += &kd_trees(results);
     text += &losses(results);
     text
 }
@@ -64,7 +65,7 @@ fn means(results: &Results, isa: &str) -> String {
 fn rays(results: &Results, isa: &str) -> String {
     let most = results.rows.iter().map(|row| row.threads).max().unwrap_or(1);
     let mut text = format!(
-        "### Rays, {isa}\n\n| scene | triangles | rays | ours | Embree | ratio | {most} threads: ours | Embree | ratio | Embree's best | answers that differ |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
+        "### Rays, {isa}\n\n| scene | triangles | rays | ours | Embree | ratio | {most} threads: ours | Embree | ratio | our build | Embree's best | answers that differ |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n"
     );
     let alone = |row: &&Row| row.peer_name.is_none() && row.isa == isa && row.threads == 1;
     for row in results.versus_embree(isa, 1).chain(results.rows.iter().filter(alone)) {
@@ -77,7 +78,7 @@ fn rays(results: &Results, isa: &str) -> String {
         let cell = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.2}"));
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {} |",
             row.scene,
             row.triangles,
             row.rays,
@@ -87,6 +88,7 @@ fn rays(results: &Results, isa: &str) -> String {
             cell(all.map(|all| all.ours)),
             cell(all.and_then(|all| all.peer)),
             cell(all.and_then(|all| all.ratio)),
+            row.our_variant,
             row.peer_variant.as_deref().unwrap_or("–"),
             row.disagree.map_or("–".into(), |n| format!("{n} of {}", row.count)),
         );
@@ -125,7 +127,7 @@ fn builds(results: &Results) -> String {
         return String::new();
     }
     let mut text = String::from(
-        "### Builds\n\nMillion triangles per second. Bytes are all that tracing needs: our nodes and leaves, which hold the vertices; \
+        "### Builds\n\nMillion triangles per second. Bytes are all that tracing needs: our nodes and leaves, which hold the vertices, or beside them the mesh whose vertices the compact layout reads; \
          what Embree's device holds, with vertices and indices; for obvhs nodes, indices and triangles.\n\n\
          | scene | builder | threads | Mtri/s | SAH | bytes/tri | peer | Mtri/s | bytes/tri | ratio |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
@@ -144,6 +146,34 @@ fn builds(results: &Results) -> String {
             cell(row.peer),
             cell(row.peer_bytes_per_tri),
             cell(row.ratio),
+        );
+    }
+    text + "\n"
+}
+
+fn kd_trees(results: &Results) -> String {
+    if results.kd_trees.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from(
+        "### Kd-trees, one thread\n\nPackets and single rays are the same rays in the same order.\n\n\
+         | scene | triangles | rays | instructions | tree and way | Mray/s | over | Mray/s | ratio | answers that differ |\n|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in &results.kd_trees {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {:.2} | {} | {:.2} | {:.2} | {} of {} |",
+            row.scene,
+            row.triangles,
+            row.rays,
+            row.isa,
+            row.what,
+            row.rate,
+            row.over,
+            row.over_rate,
+            row.ratio,
+            row.disagree,
+            row.count,
         );
     }
     text + "\n"
@@ -213,6 +243,10 @@ mod tests {
         );
         assert!(
             text.contains("| a | default | 1 | 3.00 | 12.0 | 54.0 | Embree 4.4.0 MEDIUM | 2.00 |"),
+            "{text}"
+        );
+        assert!(
+            text.contains("| primary | avx2 | SAH, packets of 16 | 16.00 | SAH, single rays | 5.00 | 3.20 |"),
             "{text}"
         );
         assert!(text.contains("- a, vpl16, one thread, avx2: 0.80 of Embree 4.4.0"), "{text}");

@@ -2,6 +2,7 @@
 
 mod builds;
 mod embree;
+mod kdtree;
 mod markdown;
 mod measure;
 mod obvhs;

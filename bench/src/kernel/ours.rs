@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use heliostat::kernel::{BuildOptions, Hit, Isa, Mesh, Object, RayQuery, TriangleBvh, World};
+use heliostat::kernel::{
+    BuildOptions, Hit, Isa, Layout, Mesh, Object, RayQuery, TriangleBvh, Triangles, World,
+};
 
 use super::embree;
 use super::measure::{ITEM, Slots, Tracer};
@@ -22,13 +24,37 @@ pub(super) struct NamedBuild {
 
 /// All builds that are measured; the first is the default.
 pub(super) fn builds() -> Vec<NamedBuild> {
-    vec![NamedBuild {
-        name: "default",
-        options: BuildOptions::default(),
-        traced: true,
-        shares_mesh: false,
-        counterpart: embree::Build::MEDIUM,
-    }]
+    let compact = BuildOptions { layout: Layout::Compact, ..BuildOptions::default() };
+    vec![
+        NamedBuild {
+            name: "default",
+            options: BuildOptions::default(),
+            traced: true,
+            shares_mesh: false,
+            counterpart: embree::Build::MEDIUM,
+        },
+        NamedBuild {
+            name: "quality",
+            options: BuildOptions::quality(),
+            traced: true,
+            shares_mesh: false,
+            counterpart: embree::Build::HIGH,
+        },
+        NamedBuild {
+            name: "fast",
+            options: BuildOptions::fast(),
+            traced: false,
+            shares_mesh: false,
+            counterpart: embree::Build::LOW,
+        },
+        NamedBuild {
+            name: "compact",
+            options: compact,
+            traced: false,
+            shares_mesh: true,
+            counterpart: embree::Build::MEDIUM_COMPACT,
+        },
+    ]
 }
 
 impl NamedBuild {
@@ -51,11 +77,17 @@ impl Ours {
     /// # Errors
     /// When the mesh cannot be built or the instruction set is missing.
     pub(super) fn new(mesh: &Mesh, build: &NamedBuild, isa: Isa) -> Result<Self, String> {
-        let object =
-            Object::new(Some(Arc::new(build.build(mesh)?)), Vec::new()).map_err(|e| e.to_string())?;
-        let world = World::with_isa(Arc::new(object), isa).map_err(|e| e.to_string())?;
-        Ok(Self { build: build.name, world })
+        Ok(Self { build: build.name, world: world(build.build(mesh)?.into(), isa)? })
     }
+}
+
+/// A world of one tree.
+///
+/// # Errors
+/// When the instruction set is missing.
+pub(super) fn world(tree: Triangles, isa: Isa) -> Result<World, String> {
+    let object = Object::new(Some(tree), Vec::new()).map_err(|e| e.to_string())?;
+    World::with_isa(Arc::new(object), isa).map_err(|e| e.to_string())
 }
 
 /// A world and the rays to ask it with.

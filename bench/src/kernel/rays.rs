@@ -393,7 +393,7 @@ mod tests {
         let positions: Vec<Vec3> = corners.iter().map(|&(x, z)| Vec3::new(x, 0.0, z)).collect();
         let mesh = Mesh::new(positions, vec![[0, 2, 1], [0, 3, 2]]);
         let tree = TriangleBvh::build(&[mesh], &BuildOptions::default()).expect("a tree");
-        let world = World::new(Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("an object")));
+        let world = World::new(Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("an object")));
         let view = View { eye: 4.0 * Vec3::Y, forward: Vec3::NEG_Y, right: Vec3::X, up: Vec3::NEG_Z };
         check(&Source::new(&world, view, Some(Vec3::new(1.0, 3.0, 0.5)), 64, most));
     }

@@ -10,6 +10,9 @@ pub(super) struct Results {
     pub(super) machine: Machine,
     pub(super) rows: Vec<Row>,
     pub(super) builds: Vec<BuildRow>,
+    /// Missing in older files.
+    #[serde(default)]
+    pub(super) kd_trees: Vec<KdRow>,
 }
 
 /// Where and with what it was measured.
@@ -83,6 +86,26 @@ pub(super) struct BuildRow {
     pub(super) peer_variant: Option<String>,
     pub(super) peer_bytes_per_tri: Option<f64>,
     pub(super) ratio: Option<f64>,
+}
+
+/// Two ways through kd-trees on the same rays, one thread, million rays per second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct KdRow {
+    pub(super) scene: String,
+    pub(super) triangles: usize,
+    pub(super) rays: String,
+    /// Number of rays.
+    pub(super) count: usize,
+    pub(super) isa: String,
+    /// One tree and way to ask it …
+    pub(super) what: String,
+    pub(super) rate: f64,
+    /// … and the one that it is held against.
+    pub(super) over: String,
+    pub(super) over_rate: f64,
+    pub(super) ratio: f64,
+    /// Rays with another answer.
+    pub(super) disagree: usize,
 }
 
 /// What is to be reached against Embree on one thread with the best instruction set.
@@ -204,7 +227,12 @@ impl Results {
                 == (&b.scene, &b.builder, b.threads, &b.peer_name, &b.peer_variant)
         };
         self.builds.retain(|row| !other.builds.iter().any(|new| same(row, new)));
+        let same = |a: &KdRow, b: &KdRow| {
+            (&a.scene, &a.rays, &a.isa, &a.what, &a.over) == (&b.scene, &b.rays, &b.isa, &b.what, &b.over)
+        };
+        self.kd_trees.retain(|row| !other.kd_trees.iter().any(|new| same(row, new)));
         self.rows.extend(other.rows);
+        self.kd_trees.extend(other.kd_trees);
         self.builds.extend(other.builds);
         if !other.machine.cpu.is_empty() {
             self.machine = other.machine;
@@ -234,6 +262,22 @@ pub(super) mod tests {
         }
     }
 
+    fn kd_row(rate: f64) -> KdRow {
+        KdRow {
+            scene: "a".into(),
+            triangles: 1000,
+            rays: "primary".into(),
+            count: 4096,
+            isa: "avx2".into(),
+            what: "SAH, packets of 16".into(),
+            rate,
+            over: "SAH, single rays".into(),
+            over_rate: 5.0,
+            ratio: rate / 5.0,
+            disagree: 1,
+        }
+    }
+
     pub(in crate::kernel) fn some() -> Results {
         let rows = vec![
             row("a", "primary", 1, 40.0, 10.0),
@@ -256,7 +300,8 @@ pub(super) mod tests {
             peer_bytes_per_tri: Some(90.0),
             ratio: Some(1.5),
         }];
-        Results { machine: Machine { threads: 2, ..Machine::default() }, rows, builds }
+        let kd_trees = vec![kd_row(16.0)];
+        Results { machine: Machine { threads: 2, ..Machine::default() }, rows, builds, kd_trees }
     }
 
     #[test]
@@ -310,9 +355,14 @@ pub(super) mod tests {
     #[test]
     fn rows_measured_again_are_replaced() {
         let mut results = some();
-        let again = Results { rows: vec![row("b", "primary", 1, 30.0, 10.0)], ..Results::default() };
+        let again = Results {
+            rows: vec![row("b", "primary", 1, 30.0, 10.0)],
+            kd_trees: vec![kd_row(15.0)],
+            ..Results::default()
+        };
         results.merge(again);
         assert_eq!(results.rows.len(), 5);
+        assert_eq!(results.kd_trees, [kd_row(15.0)]);
         assert_eq!(results.standing("avx2", &["primary"]).expect("rows").least.0, 3.0);
         assert_eq!(results.machine.threads, 2, "an empty machine replaces none");
     }

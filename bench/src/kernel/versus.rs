@@ -5,6 +5,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::builds::Builds;
 use super::embree::{self, Embree, EmbreeRays, Packets, Tree, Variant};
+use super::kdtree::{self, KdTrees};
 use super::measure::{Answers, ITEM, Tracer, interleave, sample, time};
 use super::obvhs::{self, ObvhsRays};
 use super::ours::{self, OurRays, Ours};
@@ -66,8 +67,16 @@ impl Versus<'_> {
         let world = &trees.ours[0].world;
         let source = Source::new(world, flat.view(world), flat.light, self.size, self.most);
         report(&format!("{}: {:.0} % of the pixels see something", flat.name, 100.0 * source.coverage()));
+        let kd_trees = kdtree::SCENES
+            .contains(&&*flat.name)
+            .then(|| KdTrees::new(&flat.name, &flat.mesh, self.isa, self.runs))
+            .transpose()?;
         for &kind in &self.kinds {
-            results.rows.extend(self.kind(&trees, &source.rays(kind))?);
+            let set = source.rays(kind);
+            results.rows.extend(self.kind(&trees, &set)?);
+            if let Some(kd_trees) = kd_trees.as_ref().filter(|_| kdtree::KINDS.contains(&kind)) {
+                results.kd_trees.extend(kd_trees.measure(&set)?);
+            }
         }
         Ok(results)
     }
@@ -252,7 +261,7 @@ fn pool(threads: usize) -> Result<Option<ThreadPool>, String> {
 }
 
 /// Rays on which two engines differ: hit or miss, or the place of the hit.
-fn disagreements(set: &RaySet, a: &Answers, b: &Answers) -> usize {
+pub(super) fn disagreements(set: &RaySet, a: &Answers, b: &Answers) -> usize {
     let same = |x: f32, y: f32| x == y || (x - y).abs() <= TOLERANCE * x.abs().max(y.abs());
     let differ = |slot: usize| match set.kind.query() {
         Query::Closest => !same(a.t[slot], b.t[slot]),

@@ -25,6 +25,7 @@ pub(super) struct Build {
 }
 
 impl Build {
+    pub(super) const LOW: Self = Self { quality: 0, compact: false };
     pub(super) const MEDIUM: Self = Self { quality: 1, compact: false };
     pub(super) const HIGH: Self = Self { quality: 2, compact: false };
     pub(super) const MEDIUM_COMPACT: Self = Self { quality: 1, compact: true };

@@ -249,7 +249,7 @@ fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRay
     for i in 0..rays.len {
         let direction = rays.direction(i);
         if has(waiting, i as u8) && face.takes(direction) {
-            waiting[i / 64 & 3] &= !(1 << (i % 64));
+            waiting[(i / 64) & 3] &= !(1 << (i % 64));
             chosen.push(direction, rays.tile.t_min[i], rays.tile.t_max[i], rays.slot[i]);
         }
     }
@@ -282,6 +282,10 @@ fn few<S: Simd, const ANY: bool>(
     }
 }
 
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
 #[inline(always)]
 fn one_face<S: Simd, const ANY: bool>(
     simd: S,
