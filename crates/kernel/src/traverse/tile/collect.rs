@@ -1,6 +1,7 @@
 //! From the triangles that a tile settled on to hits: the intersection again, 16 rays at a time, in the form that
 //! is precise near the ray rather than cheap for many [Woop, Benthin and Wald 2013].
 use fearless_simd::{f32x16, prelude::*, u32x16};
+use glam::Vec3;
 
 use super::{
     Answers,
@@ -26,17 +27,28 @@ type Corners = [[Lanes; 3]; 3];
 struct Gathered {
     /// In the face's axis order.
     corners: Corners,
-    /// Running number.
-    triangle: [u32; GROUP],
+    geometry: [u32; GROUP],
+    primitive: [u32; GROUP],
 }
 
-/// What is exact about 16 hits; the normal is in the object's axis order.
+/// The eight words of 16 hits before the path, hit after hit.
 #[repr(C, align(64))]
-struct Exact {
-    t: Lanes,
-    u: Lanes,
-    v: Lanes,
-    normal: [Lanes; 3],
+struct Words([Lanes; 8]);
+
+impl Words {
+    #[inline(always)]
+    fn hit(&self, lane: usize, path: PathId) -> Hit {
+        let [t, u, v, x, y, z, geometry, primitive] = self.0.as_flattened().as_chunks::<8>().0[lane & 15];
+        Hit {
+            t,
+            u,
+            v,
+            ng: Vec3::new(x, y, z),
+            geometry: geometry.to_bits(),
+            primitive: primitive.to_bits(),
+            path,
+        }
+    }
 }
 
 /// Writes the hits of all rays of `work` that found a triangle.
@@ -49,38 +61,27 @@ pub(super) fn hits<S: Simd>(
     work: &Work,
     answers: &mut Answers<'_>,
 ) {
-    let mut gathered = Gathered { corners: [[[0.0; GROUP]; 3]; 3], triangle: [0; GROUP] };
-    // Neighbouring rays mostly share a mesh.
+    let corners = [[[0.0; GROUP]; 3]; 3];
+    let mut gathered = Gathered { corners, geometry: [0; GROUP], primitive: [0; GROUP] };
     let mut mesh = MeshOf::default();
     for g in 0..work.groups {
         let bits = found(simd, work, g);
         if bits == 0 {
             continue;
         }
-        gathered.fill(simd, bvh, work.face, &work.id[g], bits);
-        let exact = intersect(simd, &gathered.corners, rays, work, g);
+        gathered.fill(simd, bvh, work.face, &work.id[g], bits, &mut mesh);
+        let words = exact(simd, &gathered, rays, work, g);
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
-            let i = (g * GROUP + lane) & (Tile::CAPACITY - 1);
-            let (geometry, primitive) = mesh.locate(bvh, gathered.triangle[lane]);
-            let ng = [exact.normal[0][lane], exact.normal[1][lane], exact.normal[2][lane]];
-            let hit = Hit {
-                t: exact.t[lane],
-                u: exact.u[lane],
-                v: exact.v[lane],
-                ng: ng.into(),
-                geometry,
-                primitive,
-                path,
-            };
-            answers.put(rays.slot[i], hit);
+            let slot = rays.slot[(g * GROUP + lane) & (Tile::CAPACITY - 1)];
+            answers.put(slot, words.hit(lane, path));
         }
     }
 }
 
-/// The mesh that the last triangle was in.
+/// The mesh that the last triangle was in: neighbouring rays mostly share it.
 #[derive(Default)]
 struct MeshOf {
     geometry: u32,
@@ -125,7 +126,15 @@ fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
 impl Gathered {
     /// Takes the triangles `ids` of the lanes in `bits`; triangles that several lanes share are read once.
     #[inline(always)]
-    fn fill<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, face: Face, ids: &[u32; GROUP], bits: u16) {
+    fn fill<S: Simd>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        face: Face,
+        ids: &[u32; GROUP],
+        bits: u16,
+        mesh: &mut MeshOf,
+    ) {
         let all = u32x16::load_array_ref(simd, ids);
         let mut rest = bits;
         while rest != 0 {
@@ -147,21 +156,26 @@ impl Gathered {
                     }
                 }
             }
-            let triangle = block.triangle[from];
+            let (geometry, primitive) = mesh.locate(bvh, block.triangle[from]);
             if sharing.count_ones() > FEW_LANES {
-                let before = u32x16::load_array_ref(simd, &self.triangle);
-                self.triangle = same.select(u32x16::splat(simd, triangle), before).into();
+                for (lanes, value) in [(&mut self.geometry, geometry), (&mut self.primitive, primitive)] {
+                    let before = u32x16::load_array_ref(simd, lanes);
+                    *lanes = same.select(u32x16::splat(simd, value), before).into();
+                }
                 rest &= !sharing;
             } else {
-                self.triangle[lane] = triangle;
+                self.geometry[lane] = geometry;
+                self.primitive[lane] = primitive;
                 rest &= rest - 1;
             }
         }
     }
 }
 
+/// Distance, barycentrics and normal of 16 rays in their triangles.
 #[inline(always)]
-fn intersect<S: Simd>(simd: S, corners: &Corners, rays: Rays<'_>, work: &Work, g: usize) -> Exact {
+fn exact<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, work: &Work, g: usize) -> Words {
+    let Gathered { corners, geometry, primitive } = gathered;
     let face = work.face;
     let [ku, kv, kk] = face.axes;
     let origin = rays.tile.origin.to_array();
@@ -191,11 +205,30 @@ fn intersect<S: Simd>(simd: S, corners: &Corners, rays: Rays<'_>, work: &Work, g
     let depth = thin.select(one / f32x16::load_array_ref(simd, &work.iz[g]), depth);
     let t = inside(simd, depth / f32x16::load_array_ref(simd, &work.scale[g]), rays, g);
     let normal = normal(simd, sub(b, a), sub(c, a));
-    let mut exact = Exact { t: t.into(), u: bu.into(), v: bv.into(), normal: [[0.0; GROUP]; 3] };
+    let mut words = [t, bu, bv, t, t, t, as_float(simd, geometry), as_float(simd, primitive)];
     for (axis, n) in face.axes.into_iter().zip(normal) {
-        exact.normal[axis % 3] = n.into();
+        words[3 + axis % 3] = n;
     }
-    exact
+    transpose(words)
+}
+
+#[inline(always)]
+fn as_float<S: Simd>(simd: S, bits: &[u32; GROUP]) -> f32x16<S> {
+    u32x16::load_array_ref(simd, bits).bitcast()
+}
+
+/// From eight words of 16 hits each to 16 hits of eight words: a perfect shuffle, three times.
+#[inline(always)]
+fn transpose<S: Simd>(words: [f32x16<S>; 8]) -> Words {
+    let mut words = words;
+    for _ in 0..3 {
+        let [a, b, c, d, e, f, g, h] = words;
+        let ((a, e), (b, f), (c, g), (d, h)) =
+            (a.interleave(e), b.interleave(f), c.interleave(g), d.interleave(h));
+        words = [a, e, b, f, c, g, d, h];
+    }
+    let [a, b, c, d, e, f, g, h] = words;
+    Words([a.into(), b.into(), c.into(), d.into(), e.into(), f.into(), g.into(), h.into()])
 }
 
 /// The unit vector along `e1 × e2`. Axis orders are cyclic, so the cross product keeps its sense.
