@@ -2,9 +2,11 @@
 //!
 //! ```text
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
+//! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
 //! ```
 
 mod contact_sheet;
+mod kernel;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -34,11 +36,18 @@ enum Command {
         #[arg(long, default_value_t = 8)]
         per_folder: usize,
     },
+    /// Rays per second of the kernel and of Embree, side by side on the same scenes and rays
+    Kernel(Box<kernel::Arguments>),
 }
 
 fn main() -> ExitCode {
-    let Command::ContactSheet { folder, output, spp, per_folder } = Arguments::parse().command;
-    match contact_sheet::run(&folder, &output, spp, per_folder) {
+    let done = match Arguments::parse().command {
+        Command::ContactSheet { folder, output, spp, per_folder } => {
+            contact_sheet::run(&folder, &output, spp, per_folder)
+        }
+        Command::Kernel(arguments) => kernel::run(&arguments),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             report(&format!("error: {message}"));

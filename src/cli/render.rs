@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::{Mat3, Vec3};
-use heliostat::engine::{Engine, EngineOptions};
+use heliostat::engine::{self, Engine, EngineOptions};
 use heliostat::lighting;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, MaterialOverride,
@@ -43,6 +43,9 @@ pub(super) struct Arguments {
     /// Frames FIRST..END (END not included); several are numbered files
     #[arg(long, value_name = "A..B", value_parser = values::frames, default_value = "0")]
     frames: Range<u32>,
+    /// What triangles are sorted into; the picture depends on it by rounding at most
+    #[arg(long, default_value = "bvh")]
+    accel: Accelerator,
     /// Threads to work with [default: one per core]; the picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -84,6 +87,15 @@ enum Renderer {
     Path,
     /// Classical recursive ray tracer: direct light, mirrors, glass
     Direct,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Accelerator {
+    /// Wide bounding volume hierarchy: the fastest
+    Bvh,
+    /// SAH kd-tree with packet traversal, as in the 2003 report on realtime ray tracing
+    #[value(name = "kdtree")]
+    KdTree,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -156,7 +168,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         note("nothing moves yet: the frames differ in their noise alone");
     }
 
-    let options = EngineOptions { threads: arguments.threads.and_then(|n| NonZeroUsize::new(n.into())) };
+    let options = EngineOptions {
+        threads: arguments.threads.and_then(|n| NonZeroUsize::new(n.into())),
+        accelerator: match arguments.accel {
+            Accelerator::Bvh => engine::Accelerator::Bvh,
+            Accelerator::KdTree => engine::Accelerator::KdTree,
+        },
+    };
     let (mut engine, applied) = console::with_progress("building", move |progress| {
         let mut engine = Engine::new(options)?;
         let applied = engine.apply(&edits, progress)?;

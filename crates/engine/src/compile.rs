@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use glam::Affine3A;
 use heliostat_kernel as kernel;
-use heliostat_kernel::{BuildError, BuildOptions, BuildProgress, TriangleBvh, World};
+use heliostat_kernel::{
+    BuildError, BuildOptions, BuildProgress, KdOptions, KdTree, TriangleBvh, Triangles, World,
+};
 use heliostat_scene::{
     ApplyReport, BackendError, Edit, Geometry, GeometryId, InstanceId, MaterialId, MaterialOverride,
     ObjectId, Progress, RebuildReason, Rebuilt, Scene, Target, TextureId,
@@ -17,6 +19,8 @@ use heliostat_shading::{
 };
 use rayon::prelude::*;
 
+use crate::engine::Accelerator;
+
 /// Most objects in the fully expanded tree of instances: each has an entry in the shader tables.
 const MAX_PLACEMENTS: u64 = 1 << 22;
 
@@ -25,13 +29,14 @@ const MAX_PLACEMENTS: u64 = 1 << 22;
 struct BuiltObject {
     /// What the triangle tree was built over.
     geometries: Vec<GeometryId>,
-    triangles: Option<Arc<TriangleBvh>>,
+    triangles: Option<Triangles>,
     object: Arc<kernel::Object>,
 }
 
 /// Everything compiled from a scene. Cloning shares all the data.
 #[derive(Clone)]
 pub(crate) struct Compiled {
+    accelerator: Accelerator,
     objects: BTreeMap<ObjectId, BuiltObject>,
     parents: BTreeMap<InstanceId, Option<ObjectId>>,
     world: World,
@@ -53,6 +58,7 @@ impl Default for Compiled {
         let shading =
             ShadingScene::new(Vec::new(), placements.clone(), std::iter::empty(), environment.clone(), None);
         Self {
+            accelerator: Accelerator::default(),
             objects: BTreeMap::new(),
             parents: BTreeMap::new(),
             world: World::empty(),
@@ -129,6 +135,11 @@ impl Dirty {
 }
 
 impl Compiled {
+    /// Nothing yet; trees will be of the kind given.
+    pub(crate) fn new(accelerator: Accelerator) -> Self {
+        Self { accelerator, ..Self::default() }
+    }
+
     pub(crate) fn world(&self) -> &World {
         &self.world
     }
@@ -225,7 +236,7 @@ impl Compiled {
             if let Some((cause, reason)) = triangle_cause {
                 let count = triangles(&id);
                 let watched = TreeProgress { progress, triangles: count, done: AtomicU64::new(0) };
-                built.build_triangles(scene, id, cause, reason, &watched, report)?;
+                built.build_triangles(scene, id, self.accelerator, (cause, reason), &watched, report)?;
                 watched.fraction(1.0);
             }
             let name = format!("{id} ({:?})", scene.objects()[&id].name);
@@ -383,8 +394,8 @@ impl BuiltObject {
         &mut self,
         scene: &Scene,
         id: ObjectId,
-        cause: Target,
-        reason: RebuildReason,
+        accelerator: Accelerator,
+        (cause, reason): (Target, RebuildReason),
         progress: &TreeProgress<'_>,
         report: &mut ApplyReport,
     ) -> Result<(), BackendError> {
@@ -410,8 +421,14 @@ impl BuiltObject {
         self.triangles = None;
         if count > 0 {
             let name = format!("{id} ({:?})", object.name);
-            let tree = TriangleBvh::build_with(&meshes, &BuildOptions::default(), progress);
-            self.triangles = Some(Arc::new(tree.map_err(|error| refused(&name, &error))?));
+            let tree = match accelerator {
+                Accelerator::Bvh => {
+                    let options = BuildOptions::default();
+                    TriangleBvh::build_with(&meshes, &options, progress).map(Triangles::from)
+                }
+                Accelerator::KdTree => KdTree::build(&meshes, &KdOptions::default()).map(Triangles::from),
+            };
+            self.triangles = Some(tree.map_err(|error| refused(&name, &error))?);
             note(report, format!("triangle tree of {name}"), cause, reason, count, start);
         }
         Ok(())

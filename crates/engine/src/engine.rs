@@ -25,6 +25,18 @@ const MAX_PIXELS: u64 = 1 << 27;
 pub struct EngineOptions {
     /// Threads to build and render with; `None` takes one per core. Never changes a result.
     pub threads: Option<NonZeroUsize>,
+    /// What the triangles of each object are sorted into. Changes a result by rounding at most.
+    pub accelerator: Accelerator,
+}
+
+/// The structure in which rays look for triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accelerator {
+    /// An 8-wide bounding volume hierarchy: the fastest to build and to trace.
+    #[default]
+    Bvh,
+    /// The kd-tree of the 2003 report.
+    KdTree,
 }
 
 /// The CPU backend.
@@ -56,7 +68,7 @@ impl Engine {
             .thread_name(|i| format!("heliostat-build-{i}"))
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
-        Ok(Self { scene: Scene::default(), compiled: Compiled::default(), threads, pool })
+        Ok(Self { scene: Scene::default(), compiled: Compiled::new(options.accelerator), threads, pool })
     }
 
     /// The scene as all edits so far have made it.

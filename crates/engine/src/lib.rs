@@ -27,4 +27,4 @@ mod engine;
 mod film;
 pub mod tone;
 
-pub use engine::{Engine, EngineOptions};
+pub use engine::{Accelerator, Engine, EngineOptions};

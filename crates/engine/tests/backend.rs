@@ -53,7 +53,8 @@ fn request(renderer: &str) -> FrameRequest {
 }
 
 fn engine(threads: usize) -> Engine {
-    let mut engine = Engine::new(EngineOptions { threads: NonZeroUsize::new(threads) }).expect("an engine");
+    let options = EngineOptions { threads: NonZeroUsize::new(threads), ..EngineOptions::default() };
+    let mut engine = Engine::new(options).expect("an engine");
     engine.apply(&small_scene().edits, &Progress::new()).expect("valid edits");
     engine
 }

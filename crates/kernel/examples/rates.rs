@@ -1,12 +1,15 @@
 //! Measures the kernel on a generated room of about 280,000 triangles: build and ray rates of one thread.
 //!
 //! `cargo run --release -p heliostat-kernel --example rates [-- ISA…]`; `ONLY=primary` measures what begins so,
-//! `BUILD=quality`, `fast` or `compact` measures another tree.
+//! `BUILD=quality`, `fast` or `compact` another hierarchy, `ACCEL=kdtree` the kd-tree and `ACCEL=kdtree-median` the one
+//! with planes in the middle. `TRIANGLES=10000,1000000` measures only builds instead, over terrains of such sizes on one
+//! thread.
 #![allow(clippy::print_stdout, reason = "a measuring program speaks on stdout")]
 use std::{error::Error, f32::consts::TAU, hint::black_box, sync::Arc, time::Instant};
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Instance, Isa, Layout, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
+    BuildOptions, Hit, Instance, Isa, KdOptions, KdSplit, KdTree, Layout, Mesh, Object, Ray, RayQuery, Tile,
+    TriangleBvh, Triangles, World,
     glam::{Affine3A, Quat, Vec3},
 };
 
@@ -14,23 +17,20 @@ const SIZE: usize = 1024;
 const TILE: usize = 16;
 
 fn main() -> Result<(), Box<dyn Error>> {
+    if let Ok(sizes) = std::env::var("TRIANGLES") {
+        return sizes.split(',').try_for_each(|size| measure_build(size.parse()?));
+    }
     let mesh = room();
     let count = mesh.indices.len();
-    let options = match std::env::var("BUILD").as_deref() {
-        Ok("quality") => BuildOptions::quality(),
-        Ok("fast") => BuildOptions::fast(),
-        Ok("compact") => BuildOptions { layout: Layout::Compact, ..BuildOptions::default() },
-        _ => BuildOptions::default(),
-    };
     let mut best = f64::INFINITY;
     for _ in 0..5 {
         let start = Instant::now();
-        black_box(TriangleBvh::build(std::slice::from_ref(&mesh), &options)?);
+        black_box(build(std::slice::from_ref(&mesh))?);
         best = best.min(start.elapsed().as_secs_f64());
     }
-    let tree = Arc::new(TriangleBvh::build(&[mesh], &options)?);
+    let tree = build(&[mesh])?;
     println!("triangles {count}, build {:.0} ms, {:.2} Mtri/s", best * 1e3, count as f64 / best * 1e-6);
-    println!("{:?}", tree.stats());
+    println!("{tree:?}");
 
     let plain = Arc::new(Object::new(Some(tree), Vec::new())?);
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::new(1.0, 0.0, 2.0));
@@ -48,6 +48,50 @@ fn main() -> Result<(), Box<dyn Error>> {
         measure(&World::with_isa(plain.clone(), isa)?, Affine3A::IDENTITY, "plain");
         measure(&World::with_isa(placed.clone(), isa)?, turned, "placed");
     }
+    Ok(())
+}
+
+/// The tree that `ACCEL` and `BUILD` name.
+fn build(meshes: &[Mesh]) -> Result<Triangles, Box<dyn Error>> {
+    let options = match std::env::var("BUILD").as_deref() {
+        Err(_) | Ok("default") => BuildOptions::default(),
+        Ok("quality") => BuildOptions::quality(),
+        Ok("fast") => BuildOptions::fast(),
+        Ok("compact") => BuildOptions { layout: Layout::Compact, ..BuildOptions::default() },
+        Ok(other) => return Err(format!("BUILD={other} is none of default, quality, fast, compact").into()),
+    };
+    let kd = |split| KdTree::build(meshes, &KdOptions { split, ..KdOptions::default() });
+    Ok(match std::env::var("ACCEL").as_deref() {
+        Err(_) | Ok("bvh") => TriangleBvh::build(meshes, &options)?.into(),
+        Ok("kdtree") => kd(KdSplit::Sah)?.into(),
+        Ok("kdtree-median") => kd(KdSplit::Median)?.into(),
+        Ok(other) => return Err(format!("ACCEL={other} is none of bvh, kdtree, kdtree-median").into()),
+    })
+}
+
+/// Prints processor time for a terrain of about `triangles`, the best of three builds on one thread.
+fn measure_build(triangles: u32) -> Result<(), Box<dyn Error>> {
+    let mut terrain = Scene::default();
+    let side = (triangles / 2).isqrt();
+    terrain.grid(side, side, |u, v| {
+        let wave = |f: f32| (u * f).sin() * (v * f * 1.3).cos() / f;
+        Vec3::new(u, wave(5.0) + wave(23.0) + wave(111.0), v)
+    });
+    let meshes = [Mesh::new(terrain.positions, terrain.indices)];
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let mut best = f64::INFINITY;
+    let mut text = String::new();
+    for _ in 0..3 {
+        let (seconds, tree) = pool.install(|| {
+            let start = Clock::now();
+            let tree = build(&meshes).map(|tree| format!("{tree:?}")).map_err(|error| error.to_string());
+            (start.elapsed(), tree)
+        });
+        best = best.min(seconds);
+        text = tree?;
+    }
+    let count = meshes[0].indices.len() as f64;
+    println!("{count} triangles: {best:.3} s, {:.3} Mtri/s, {text}", count / best * 1e-6);
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Rays in, hits out: accelerators, SIMD traversal and multi-level worlds.
 //!
-//! Build a [`TriangleBvh`] over the meshes of an object, put it (and placed copies of other objects) into an
+//! Build a [`TriangleBvh`] (or a [`KdTree`]) over the meshes of an object, put it (and placed copies of other objects) into an
 //! [`Object`], and ask a [`World`] over the root object through [`RayQuery`]: tiles of rays with a common origin,
 //! or any rays. [`Oracle`] answers the same questions by brute force, to check the rest against.
 //!
@@ -13,6 +13,7 @@ mod build;
 mod compact;
 mod error;
 mod isa;
+mod kdtree;
 mod layout;
 mod mesh;
 mod object;
@@ -23,6 +24,7 @@ mod ray;
 mod tile;
 mod traverse;
 mod triangle_bvh;
+mod triangles;
 mod world;
 
 pub use aabb::Aabb;
@@ -30,6 +32,7 @@ pub use build::{BuildOptions, Builder, Layout, TreeStats, watch::BuildProgress};
 pub use error::{BuildError, IsaError};
 pub use glam;
 pub use isa::Isa;
+pub use kdtree::{KdNode, KdNodeKind, KdOptions, KdSplit, KdStats, KdTree};
 pub use mesh::Mesh;
 pub use object::{Instance, MAX_INSTANCE_DEPTH, Object};
 pub use oracle::{NearHit, Oracle};
@@ -37,4 +40,5 @@ pub use query::RayQuery;
 pub use ray::{Hit, PathId, Ray};
 pub use tile::Tile;
 pub use triangle_bvh::TriangleBvh;
+pub use triangles::Triangles;
 pub use world::{PathVisitor, ResolvedPath, World};

@@ -16,6 +16,7 @@ use crate::{
     error::BuildError,
     layout::Child,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
+    triangles::Triangles,
 };
 
 /// The deepest nesting of instances.
@@ -43,7 +44,7 @@ impl Instance {
 /// Triangles, instances of other objects, or both, in one space. Immutable and shared by `Arc`: making an object
 /// never rebuilds the trees of its children, only a small tree over their bounds.
 pub struct Object {
-    pub(crate) triangles: Option<Arc<TriangleBvh>>,
+    pub(crate) triangles: Option<Triangles>,
     pub(crate) instances: Vec<PlacedInstance>,
     pub(crate) instance_tree: WideTree,
     bounds: Aabb,
@@ -81,14 +82,14 @@ impl Object {
     /// [`BuildError::NonFiniteTransform`], [`BuildError::SingularTransform`], [`BuildError::TooDeep`] past
     /// [`MAX_INSTANCE_DEPTH`], [`BuildError::TooManyPaths`] or [`BuildError::TooManyInstances`]; each names the
     /// instance.
-    pub fn new(triangles: Option<Arc<TriangleBvh>>, instances: Vec<Instance>) -> Result<Self, BuildError> {
+    pub fn new(triangles: Option<Triangles>, instances: Vec<Instance>) -> Result<Self, BuildError> {
         let (count, limit) = (instances.len() as u64, TriangleBvh::MAX_TRIANGLES);
         if count > limit {
             return Err(BuildError::TooManyInstances { count, limit });
         }
         let mut placed = Vec::with_capacity(instances.len());
         let mut prims = Vec::with_capacity(instances.len());
-        let mut bounds = triangles.as_ref().map_or(Aabb::EMPTY, |t| t.bounds());
+        let mut bounds = triangles.as_ref().map_or(Aabb::EMPTY, Triangles::bounds);
         let (mut depth, mut path_count) = (0, 1_u64);
         for (index, instance) in instances.into_iter().enumerate() {
             let child = Arc::clone(&instance.object);
@@ -134,7 +135,7 @@ impl Object {
 
     /// The object's own triangles, without those of its instances.
     #[must_use]
-    pub fn triangles(&self) -> Option<&Arc<TriangleBvh>> {
+    pub fn triangles(&self) -> Option<&Triangles> {
         self.triangles.as_ref()
     }
 

@@ -89,13 +89,13 @@ pub struct NearHit {
 fn expand(object: &Object, world_from_object: &DAffine3, path: u64, out: &mut Vec<WorldTriangle>) {
     if let Some(tree) = &object.triangles {
         let normal_from_object = world_from_object.matrix3.inverse().transpose();
-        for (corners, triangle) in tree.triangles() {
+        tree.for_each(|(corners, triangle)| {
             let [a, b, c] = corners.map(|p| Vec3::from_array(p).as_dvec3());
             let (geometry, primitive) = tree.locate(triangle);
             let ng = (normal_from_object * (b - a).cross(c - a).normalize()).normalize().as_vec3();
             let corners = [a, b, c].map(|p| world_from_object.transform_point3(p));
             out.push(WorldTriangle { corners, ng, geometry, primitive, path: PathId(path) });
-        }
+        });
     }
     for child in &object.instances {
         let world_from_child = *world_from_object * double(&child.instance.parent_from_object);

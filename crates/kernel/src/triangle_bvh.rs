@@ -103,6 +103,8 @@ impl TriangleBvh {
             }
         };
         watch.check()?;
+        // From here on the order alone counts; the memory of the boxes will serve for nodes and blocks.
+        let order = triangles::order(prims);
         let bounds = Aabb::new(binary.nodes[0].bounds().lo(), binary.nodes[0].bounds().hi());
         watch.stage(850);
         let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
@@ -112,8 +114,7 @@ impl TriangleBvh {
             Some(list) => ranges.iter().map(|&(block, _)| list[block as usize]).collect(),
             None => ranges,
         };
-        // The memory of the boxes is free before that of the blocks is taken.
-        let numbers = triangles::numbers(prims, &ranges);
+        let numbers = triangles::numbers(&order, &ranges);
         watch.stage(1000);
         let mut bvh = Self {
             block_cost: options.intersection_cost,

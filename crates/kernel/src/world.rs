@@ -24,7 +24,7 @@ use crate::{
 ///
 /// let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]);
 /// let tree = TriangleBvh::build(&[mesh], &BuildOptions::default())?;
-/// let world = World::new(Arc::new(Object::new(Some(Arc::new(tree)), Vec::new())?));
+/// let world = World::new(Arc::new(Object::new(Some(tree.into()), Vec::new())?));
 /// let mut hits = [Hit::MISS];
 /// world.intersect(&[Ray::new(Vec3::new(0.25, 0.25, 2.0), Vec3::NEG_Z)], &mut hits);
 /// assert_eq!((hits[0].t, hits[0].u, hits[0].v, hits[0].ng), (2.0, 0.25, 0.25, Vec3::Z));

@@ -1,8 +1,8 @@
 //! Every query against the brute-force oracle, on every instruction set.
 mod common;
-use common::{Rng, check_all, check_builders, hunt, object, rays, soup, tiles};
+use common::{ACCELERATORS, Rng, check_all, check_each, hunt, rays, soup, tiles};
 use heliostat_kernel::{
-    BuildOptions, Hit, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
+    BuildOptions, Hit, Isa, KdOptions, KdTree, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World,
     glam::{Vec2, Vec3},
 };
 
@@ -19,7 +19,7 @@ fn check_soup(seed: u64, count: usize, scale: f32, size: f32, center: Vec3) {
     let rays = rays(&mut rng, 300, scale, center);
     let tiles = tiles(&mut rng, 12, scale, center);
     let reach = f64::from(2.5 * scale + center.abs().max_element());
-    check_builders(&meshes, &rays, &tiles, RELATIVE_ERROR * reach);
+    check_each(&meshes, &rays, &tiles, RELATIVE_ERROR * reach);
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn needles_and_specks() {
     let indices: Vec<[u32; 3]> = (0..150).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = Mesh::new(positions, indices);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    check_builders(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
+    check_each(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn coplanar_and_coincident_triangles() {
     indices.extend([[0, 1, 2]; 40]);
     let mesh = Mesh::new(positions, indices);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    check_builders(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
+    check_each(&[mesh], &rays, &tiles(&mut rng, 8, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]
@@ -99,14 +99,17 @@ fn bad_triangles_are_skipped_and_good_ones_stay() {
     let mesh = Mesh::new(positions, indices);
     let tree = TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default()).expect("builds");
     assert_eq!(tree.stats().triangles, 50);
+    let tree = KdTree::build(std::slice::from_ref(&mesh), &KdOptions::default()).expect("builds");
+    assert_eq!(tree.stats().triangles, 50);
     let rays = rays(&mut rng, 300, 1.0, Vec3::ZERO);
-    check_builders(&[mesh], &rays, &tiles(&mut rng, 6, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
+    check_each(&[mesh], &rays, &tiles(&mut rng, 6, 1.0, Vec3::ZERO), RELATIVE_ERROR * 3.0);
 }
 
 #[test]
 fn nothing_to_hit() {
     let mut rng = Rng::new(13);
-    for root in [object(&[]), object(&[Mesh::default()]), Object::empty().into()] {
+    let nothing = ACCELERATORS.map(|object| [object(&[]), object(&[Mesh::default()])]);
+    for root in nothing.into_iter().flatten().chain([Object::empty().into()]) {
         assert!(root.bounds().is_empty());
         let rays = rays(&mut rng, 20, 1.0, Vec3::ZERO);
         check_all(&root, &rays, &tiles(&mut rng, 2, 1.0, Vec3::ZERO), 1e-6);
@@ -132,7 +135,7 @@ fn bad_rays_hit_nothing() {
             indices.push([n, n + 1, n + 2]);
         }
     }
-    let root = object(&[Mesh::new(positions, indices)]);
+    let mesh = Mesh::new(positions, indices);
     let good = Ray::new(Vec3::ZERO, Vec3::X);
     let mut bad = Vec::new();
     for x in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -151,8 +154,12 @@ fn bad_rays_hit_nothing() {
     bad.push(Ray { t_max: -1.0, ..good });
     bad.push(Ray { t_max: f32::NEG_INFINITY, ..good });
     bad.push(Ray { origin: Vec3::splat(f32::MAX), ..good });
-    for isa in heliostat_kernel::Isa::available() {
-        let world = World::with_isa(root.clone(), isa).expect("available");
+    let worlds = ACCELERATORS.into_iter().flat_map(|object| {
+        let root = object(std::slice::from_ref(&mesh));
+        Isa::available().into_iter().map(move |isa| World::with_isa(root.clone(), isa).expect("available"))
+    });
+    for world in worlds {
+        let isa = world.isa();
         let (mut hit, mut any) = ([Hit::MISS], [false]);
         world.intersect(&[good], &mut hit);
         world.occluded(&[good], &mut any);

@@ -2,7 +2,7 @@
 mod common;
 use std::{collections::HashSet, sync::Arc};
 
-use common::{Rng, check_all, object, rays, soup, tiles};
+use common::{ACCELERATORS, MakeObject, Rng, check_all, kd_object, object, rays, soup, tiles};
 use heliostat_kernel::{
     BuildError, Hit, Instance, MAX_INSTANCE_DEPTH, Mesh, Object, PathId, Ray, RayQuery, World,
     glam::{Affine3A, Mat3, Quat, Vec3},
@@ -28,11 +28,21 @@ fn instance(object: &Arc<Object>, parent_from_object: Affine3A, id: u32) -> Inst
     Instance { object: Arc::clone(object), parent_from_object, id }
 }
 
+/// Accelerators of outer and inner objects: of one kind, and mixed.
+const PAIRS: [[MakeObject; 2]; 4] =
+    [[object, object], [kd_object, kd_object], [object, kd_object], [kd_object, object]];
+
 #[test]
 fn one_level_of_every_kind() {
+    for [outer, inner] in PAIRS {
+        one_level(outer, inner);
+    }
+}
+
+fn one_level(outer: MakeObject, inner: MakeObject) {
     let mut rng = Rng::new(31);
-    let leaf = object(&[soup(&mut rng, 20, 1.0, 0.7, Vec3::ZERO)]);
-    let own = Arc::clone(object(&[soup(&mut rng, 10, 2.0, 0.7, Vec3::ZERO)]).triangles().expect("some"));
+    let leaf = inner(&[soup(&mut rng, 20, 1.0, 0.7, Vec3::ZERO)]);
+    let own = outer(&[soup(&mut rng, 10, 2.0, 0.7, Vec3::ZERO)]).triangles().cloned().expect("some");
     let mut children = Vec::new();
     for i in 0..30 {
         let mut place = placement(&mut rng, i);
@@ -49,9 +59,10 @@ fn one_level_of_every_kind() {
 #[test]
 fn nested_to_depth_forty() {
     let mut rng = Rng::new(32);
-    for depth in [1, 2, 5, 13, 40] {
-        let mut node = object(&[soup(&mut rng, 12, 1.0, 0.9, Vec3::ZERO)]);
+    for (depth, [odd, even]) in [1, 2, 5, 13, 40].into_iter().zip(PAIRS.into_iter().cycle()) {
+        let mut node = odd(&[soup(&mut rng, 12, 1.0, 0.9, Vec3::ZERO)]);
         for level in 0..depth {
+            let object = if level % 2 == 0 { even } else { odd };
             let tree = object(&[soup(&mut rng, 3, 1.0, 0.5, Vec3::ZERO)]);
             // Only turns and mirrors in the long chain, so that shapes stay comparable with f32.
             let mut place = placement(&mut rng, level % 2);
@@ -70,9 +81,14 @@ fn nested_to_depth_forty() {
 #[test]
 fn mirrored_normals_keep_the_front_side() {
     let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]);
-    let leaf = object(&[triangle]);
+    for object in ACCELERATORS {
+        mirrored(&object(std::slice::from_ref(&triangle)));
+    }
+}
+
+fn mirrored(leaf: &Arc<Object>) {
     let place = |scale: Vec3| {
-        let root = Object::new(None, vec![instance(&leaf, Affine3A::from_scale(scale), 0)]).expect("valid");
+        let root = Object::new(None, vec![instance(leaf, Affine3A::from_scale(scale), 0)]).expect("valid");
         World::new(Arc::new(root))
     };
     for (scale, ng) in [
@@ -91,7 +107,7 @@ fn mirrored_normals_keep_the_front_side() {
 }
 
 /// Three levels that share children: 1 + 3·(1 + 2·(1 + 2)) paths.
-fn shared(rng: &mut Rng) -> Arc<Object> {
+fn shared(rng: &mut Rng, object: MakeObject) -> Arc<Object> {
     let leaf = object(&[soup(rng, 5, 0.5, 0.5, Vec3::ZERO)]);
     let place =
         |rng: &mut Rng, spread: f32| Affine3A::from_rotation_translation(turn(rng), rng.vec() * spread);
@@ -109,8 +125,14 @@ fn shared(rng: &mut Rng) -> Arc<Object> {
 
 #[test]
 fn shared_subtrees_have_unique_resolvable_paths() {
+    for object in ACCELERATORS {
+        shared_subtrees(object);
+    }
+}
+
+fn shared_subtrees(object: MakeObject) {
     let mut rng = Rng::new(33);
-    let root = shared(&mut rng);
+    let root = shared(&mut rng, object);
     let world = World::new(Arc::clone(&root));
     assert_eq!(world.path_count(), 22);
     let (mut next, mut tags) = (0, HashSet::new());

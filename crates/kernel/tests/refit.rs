@@ -17,7 +17,7 @@ fn moved(mesh: &Mesh, place: impl Fn(usize, Vec3) -> Vec3) -> Mesh {
 }
 
 fn object(tree: TriangleBvh) -> Arc<Object> {
-    Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("no instances"))
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
 }
 
 #[test]

@@ -2,7 +2,7 @@
 mod common;
 use std::sync::Arc;
 
-use common::{Rng, all_builders, hunt, object, object_by};
+use common::{ACCELERATORS, HIERARCHIES, MakeObject, Rng, hunt, kd_object};
 use heliostat_kernel::{
     Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
     glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
@@ -78,7 +78,13 @@ fn seams(rng: &mut Rng, mesh: &Mesh) -> Vec<Vec3> {
     points
 }
 
-fn assert_no_leak(root: &Arc<Object>, origins: &[Vec3], targets: &[Vec3]) {
+fn assert_no_leak(accelerators: &[MakeObject], mesh: &Mesh, origins: &[Vec3], targets: &[Vec3]) {
+    for object in accelerators {
+        assert_no_leak_in(&object(std::slice::from_ref(mesh)), origins, targets);
+    }
+}
+
+fn assert_no_leak_in(root: &Arc<Object>, origins: &[Vec3], targets: &[Vec3]) {
     for isa in Isa::available() {
         let world = World::with_isa(root.clone(), isa).expect("available");
         for &origin in origins {
@@ -121,18 +127,15 @@ fn spheres_hold_rays_at_their_seams() {
         let mesh = bumpy_sphere(&mut rng, 24, 31, radius, center);
         let targets = seams(&mut rng, &mesh);
         let origins = inner_points(&mut rng, 6, radius, center);
-        for options in all_builders() {
-            assert_no_leak(&object_by(std::slice::from_ref(&mesh), &options), &origins, &targets);
-        }
+        assert_no_leak(&ACCELERATORS, &mesh, &origins, &targets);
     }
 }
 
 #[test]
 fn coarse_and_fine_solids_hold_rays() {
     let mut rng = Rng::new(22);
-    let builders = all_builders();
-    for ((bands, sides), builder) in
-        [(2, 3), (3, 4), (80, 90), (20, 30), (40, 20)].into_iter().zip(builders.iter().cycle())
+    for ((bands, sides), object) in
+        [(2, 3), (3, 4), (80, 90), (20, 30), (40, 20)].into_iter().zip(HIERARCHIES.into_iter().cycle())
     {
         let mesh = bumpy_sphere(&mut rng, bands, sides, 3.0, Vec3::new(5.0, 6.0, -7.0));
         let mut targets = seams(&mut rng, &mesh);
@@ -140,7 +143,7 @@ fn coarse_and_fine_solids_hold_rays() {
             targets = (0..20_000).map(|_| targets[rng.below(targets.len())]).collect();
         }
         let origins = inner_points(&mut rng, 2, 1.0, Vec3::new(5.0, 6.0, -7.0));
-        assert_no_leak(&object_by(&[mesh], builder), &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }
 
@@ -153,15 +156,14 @@ fn boxes_hold_rays_along_their_axes_and_seams() {
         (7, 0.3, Vec3::new(100.0, 2.0, -9.0)),
         (9, 20.0, Vec3::new(-3.0, 2.0, 1.0)),
     ];
-    let builders = all_builders();
-    for ((cells, half, center), builder) in solids.into_iter().zip(builders.iter().cycle()) {
+    for ((cells, half, center), object) in solids.into_iter().zip(HIERARCHIES.into_iter().cycle()) {
         let mesh = tessellated_box(cells, half, center);
         let targets = seams(&mut rng, &mesh);
         let mut origins = inner_points(&mut rng, 4, half, center);
         // On the grid lines themselves: rays run exactly along edges' planes and axes.
         let step = 2.0 * half / cells as f32;
         origins.push(center + Vec3::new(0.0, step * (cells / 4) as f32, 0.0));
-        assert_no_leak(&object_by(&[mesh], builder), &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }
 
@@ -169,26 +171,25 @@ fn boxes_hold_rays_along_their_axes_and_seams() {
 fn placed_solids_hold_rays() {
     let mut rng = Rng::new(24);
     let mesh = bumpy_sphere(&mut rng, 16, 19, 1.0, Vec3::ZERO);
-    let inner = object(std::slice::from_ref(&mesh));
     let shear =
         Mat3A::from_cols(Vec3A::new(2.0, 0.3, 0.0), Vec3A::new(-0.4, 0.7, 0.1), Vec3A::new(0.0, 0.2, -1.5));
     let turn = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.7), Vec3::new(3.0, 4.0, 5.0));
     let place = turn * Affine3A { matrix3: shear, translation: Vec3A::ZERO };
-    let root = Arc::new(
-        Object::new(None, vec![Instance { object: inner, parent_from_object: place, id: 9 }]).expect("valid"),
-    );
     let targets: Vec<Vec3> = seams(&mut rng, &mesh).into_iter().map(|p| place.transform_point3(p)).collect();
     let origins: Vec<Vec3> =
         inner_points(&mut rng, 4, 1.0, Vec3::ZERO).into_iter().map(|p| place.transform_point3(p)).collect();
-    assert_no_leak(&root, &origins, &targets);
+    for object in ACCELERATORS {
+        let inner = object(std::slice::from_ref(&mesh));
+        let placed = vec![Instance { object: inner, parent_from_object: place, id: 9 }];
+        assert_no_leak_in(&Arc::new(Object::new(None, placed).expect("valid")), &origins, &targets);
+    }
 }
 
 /// Solids of many shapes, sizes and places, a few of them; `HELIOSTAT_HUNT` sets how many, to hunt for rare leaks.
 #[test]
 fn many_solids_hold_rays() {
     let mut rng = Rng::new(25);
-    let builders = all_builders();
-    for (_, builder) in (0..hunt(8)).zip(builders.iter().cycle()) {
+    for (_, object) in (0..hunt(8)).zip(HIERARCHIES.into_iter().cycle()) {
         let radius = 10.0_f32.powf(rng.signed() * 5.0);
         let center = rng.vec() * radius * 10.0_f32.powf(rng.signed() * 1.5);
         let mesh = if rng.unit() < 0.7 {
@@ -200,6 +201,6 @@ fn many_solids_hold_rays() {
         let targets = seams(&mut rng, &mesh);
         // Few bands make a double cone: stay well inside that too.
         let origins = inner_points(&mut rng, 4, radius * 0.4, center);
-        assert_no_leak(&object_by(&[mesh], builder), &origins, &targets);
+        assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
     }
 }

@@ -122,13 +122,16 @@ pub(crate) fn locate(starts: &[u32], id: u32) -> (usize, usize) {
     (mesh, (id - starts.get(mesh).copied().unwrap_or(0)) as usize)
 }
 
-/// The numbers of the triangles of each block.
-pub(crate) fn numbers(prims: Vec<PackedBox>, ranges: &[BlockRange]) -> Vec<[u32; WIDTH]> {
+/// The numbers of the triangles in the order of their boxes.
+pub(crate) fn order(prims: Vec<PackedBox>) -> Vec<u32> {
+    prims.par_iter().with_min_len(CHUNK).map(PackedBox::id).collect()
+}
+
+/// The numbers of the triangles of each block: ranges of `order`.
+pub(crate) fn numbers(order: &[u32], ranges: &[BlockRange]) -> Vec<[u32; WIDTH]> {
     let of_block = |&(begin, count): &BlockRange| {
         let mut numbers = [Block::NO_TRIANGLE; WIDTH];
-        for (number, prim) in numbers.iter_mut().zip(&prims[begin as usize..(begin + count) as usize]) {
-            *number = prim.id();
-        }
+        numbers[..count as usize].copy_from_slice(&order[begin as usize..(begin + count) as usize]);
         numbers
     };
     ranges.par_iter().with_min_len(256).map(of_block).collect()

@@ -208,67 +208,91 @@ type Costs = [f32; WIDTH - 1];
 /// Plans the cheapest collapse by dynamic programming over the forests that replace each subtree [Ylitie, Karras and
 /// Laine 2017, section 4.1]. Leaves are as the builder made them.
 fn plan(tree: &BinaryTree, rule: LeafRule, block_cost: f32) -> Vec<Plan> {
+    let planner = Planner { rule, block_cost };
     let mut plans = vec![[0; WIDTH]; tree.nodes.len()];
-    let mut costs = vec![[0.0; WIDTH - 1]; tree.nodes.len()];
     let top = tree.runs.get(1).map_or(0, |&end| end as usize);
-    let (mut rest_plans, mut rest_costs) = (&mut plans[top..], &mut costs[top..]);
+    let (top_plans, mut rest) = plans.split_at_mut(top);
     let mut runs = Vec::with_capacity(tree.runs.len());
     for (&begin, &end) in tree.runs.iter().zip(tree.runs.iter().skip(1)).skip(1) {
-        let (run_plans, run_costs);
-        (run_plans, rest_plans) = rest_plans.split_at_mut((end - begin) as usize);
-        (run_costs, rest_costs) = rest_costs.split_at_mut((end - begin) as usize);
-        runs.push((begin as usize..end as usize, run_plans, run_costs));
+        let run;
+        (run, rest) = rest.split_at_mut((end - begin) as usize);
+        runs.push((begin as usize, run));
     }
-    runs.into_par_iter().for_each(|(run, plans, costs)| {
-        plan_nodes(&tree.nodes[run.clone()], run.start, plans, costs, rule, block_cost);
+    // Children of the top's nodes that lie in a run are its first two.
+    let below = runs.into_par_iter().map(|(begin, plans)| {
+        let nodes = &tree.nodes[begin..begin + plans.len()];
+        let mut costs = planner.run(nodes, begin, plans, &[]);
+        costs.truncate(2);
+        (begin, costs)
     });
-    plan_nodes(&tree.nodes[..top], 0, &mut plans, &mut costs, rule, block_cost);
+    let below: Vec<(usize, Vec<Costs>)> = below.collect();
+    planner.run(&tree.nodes[..top], 0, top_plans, &below);
     plans
 }
 
-/// Plans for `nodes`, of which the first is number `first` of the tree. `plans` and `costs` begin at the same node and
-/// reach as far as children go.
-fn plan_nodes(
-    nodes: &[BinaryNode],
-    first: usize,
-    plans: &mut [Plan],
-    costs: &mut [Costs],
+struct Planner {
     rule: LeafRule,
     block_cost: f32,
-) {
-    for (index, node) in nodes.iter().enumerate().rev() {
-        let area = node.bounds().half_area();
-        let children = match node.content() {
-            Content::Inner { children, .. } => children as usize - first,
-            Content::Leaf { count, .. } => {
-                costs[index] = [area * rule.blocks(count as usize) as f32 * block_cost; WIDTH - 1];
-                continue;
-            }
-            Content::Apart { .. } => continue,
-        };
-        let (left, right) = (costs[children], costs[children + 1]);
-        let mut least = [f32::INFINITY; WIDTH];
-        // Whatever the costs, a wide node opens the binary one that it stands for.
-        let mut plan = [0; WIDTH];
-        plan[WIDTH - 1] = 1;
-        for roots in 2..=WIDTH {
-            for to_left in 1..roots {
-                let cost = left[to_left - 1] + right[roots - to_left - 1];
-                if cost < least[roots - 1] {
-                    (least[roots - 1], plan[roots - 1]) = (cost, to_left as u8);
+}
+
+impl Planner {
+    /// Plans for a run of nodes, of which the first is number `first` of the tree; their costs. `below` has the costs of
+    /// the first nodes of other runs.
+    fn run(
+        &self,
+        nodes: &[BinaryNode],
+        first: usize,
+        plans: &mut [Plan],
+        below: &[(usize, Vec<Costs>)],
+    ) -> Vec<Costs> {
+        let mut costs: Vec<Costs> = vec![[0.0; WIDTH - 1]; nodes.len()];
+        for (index, node) in nodes.iter().enumerate().rev() {
+            let area = node.bounds().half_area();
+            match node.content() {
+                Content::Inner { children, .. } => {
+                    let children = children as usize;
+                    let (left, right) = match below.binary_search_by_key(&children, |&(begin, _)| begin) {
+                        Ok(run) => (below[run].1[0], below[run].1[1]),
+                        Err(_) => (costs[children - first], costs[children - first + 1]),
+                    };
+                    (plans[index], costs[index]) = plan_node(area, &left, &right);
                 }
+                Content::Leaf { count, .. } => {
+                    let blocks = self.rule.blocks(count as usize) as f32;
+                    costs[index] = [area * blocks * self.block_cost; WIDTH - 1];
+                }
+                Content::Apart { .. } => {}
             }
         }
-        // As one root it is a wide node of up to 8 children, which is visited.
-        let alone = least[WIDTH - 1] + area;
-        for roots in 1..WIDTH {
-            if alone <= least[roots - 1] {
-                plan[roots - 1] = 0;
-            }
-            costs[index][roots - 1] = alone.min(least[roots - 1]);
-        }
-        plans[index] = plan;
+        costs
     }
+}
+
+/// The plan for a node of the given half area, and its costs, by those of its children.
+#[inline(always)]
+fn plan_node(area: f32, left: &Costs, right: &Costs) -> (Plan, Costs) {
+    let mut least = [f32::INFINITY; WIDTH];
+    // Whatever the costs, a wide node opens the binary one that it stands for.
+    let mut plan = [0; WIDTH];
+    plan[WIDTH - 1] = 1;
+    for roots in 2..=WIDTH {
+        for to_left in 1..roots {
+            let cost = left[to_left - 1] + right[roots - to_left - 1];
+            if cost < least[roots - 1] {
+                (least[roots - 1], plan[roots - 1]) = (cost, to_left as u8);
+            }
+        }
+    }
+    // As one root it is a wide node of up to 8 children, which is visited.
+    let alone = least[WIDTH - 1] + area;
+    let mut costs = [alone; WIDTH - 1];
+    for (roots, cost) in costs.iter_mut().enumerate() {
+        if alone <= least[roots] {
+            plan[roots] = 0;
+        }
+        *cost = alone.min(least[roots]);
+    }
+    (plan, costs)
 }
 
 /// Stores a child's box. An empty one must stay finite, as [`Node::EMPTY`] says.

@@ -12,6 +12,7 @@ use crate::{
     object::Object,
     ray::{Hit, PathId, Ray},
     triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// Rays taken up together, to be sorted into packets.
@@ -77,8 +78,10 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
 #[inline(always)]
 fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
     let packets = rays >= FEW_RAYS && !matches!(simd.level(), Level::Fallback(_));
-    let bvh = root.triangles.as_deref()?;
-    (packets && root.instance_tree.is_empty()).then_some(bvh)
+    match &root.triangles {
+        Some(Triangles::Bvh(bvh)) if packets && root.instance_tree.is_empty() => Some(bvh),
+        _ => None,
+    }
 }
 
 /// Buffers for packets.

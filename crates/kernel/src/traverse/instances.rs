@@ -2,18 +2,13 @@
 use fearless_simd::{f32x8, prelude::*};
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::{
-    finish,
-    local::LocalRay,
-    single::{self, Candidate},
-    slab::Slab,
-    stack::Stack,
-};
+use super::{finish, local::LocalRay, single, slab::Slab, stack::Stack};
 use crate::{
+    kdtree,
     layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
-    triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// The closest hit in `object` nearer than `hit.t`; writes `hit` (normal in the object's space) and says whether
@@ -28,10 +23,10 @@ pub(super) fn closest<S: Simd>(
     stack: &mut Stack,
 ) -> bool {
     let mut found = false;
-    if let Some(bvh) = &object.triangles
-        && let Some(best) = single::closest(simd, bvh, ray, hit.t, stack)
+    if let Some(triangles) = &object.triangles
+        && let Some(nearest) = closest_triangle(simd, triangles, ray, path, hit.t, stack)
     {
-        *hit = settle(bvh, ray, best, path, hit.t);
+        *hit = nearest;
         found = true;
     }
     if !object.instance_tree.nodes.is_empty() {
@@ -40,14 +35,30 @@ pub(super) fn closest<S: Simd>(
     found
 }
 
-/// The hit in the triangle that a traversal settled on.
+/// The closest of the object's own triangles nearer than `t_max`.
 #[inline(always)]
-pub(super) fn settle(bvh: &TriangleBvh, ray: &LocalRay, best: Candidate, path: PathId, t_max: f32) -> Hit {
-    let mut place = None;
-    let block = bvh.blocks().get(best.block, &mut place);
-    let exact = finish::exact(ray, block.corners(best.lane), best.t, t_max);
-    let (geometry, primitive) = bvh.locate(block.triangle[best.lane & 7]);
-    Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path }
+fn closest_triangle<S: Simd>(
+    simd: S,
+    triangles: &Triangles,
+    ray: &LocalRay,
+    path: PathId,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<Hit> {
+    let (t, corners, (geometry, primitive)) = match triangles {
+        Triangles::Bvh(bvh) => {
+            let best = single::closest(simd, bvh, ray, t_max, stack)?;
+            let mut place = None;
+            let block = bvh.blocks().get(best.block, &mut place);
+            (best.t, block.corners(best.lane), bvh.locate(block.triangle[best.lane & 7]))
+        }
+        Triangles::KdTree(tree) => {
+            let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, t_max)?;
+            (best.t, tree.corners()[best.index as usize], tree.identify(best.index)?)
+        }
+    };
+    let exact = finish::exact(ray, corners, t, t_max);
+    Some(Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path })
 }
 
 #[inline(always)]
@@ -122,9 +133,14 @@ pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
 /// Whether anything in `object` lies at `t_min < t < t_max`.
 #[inline(always)]
 pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
-    if let Some(bvh) = &object.triangles
-        && single::any(simd, bvh, ray, t_max, stack)
-    {
+    let met = match &object.triangles {
+        None => false,
+        Some(Triangles::Bvh(bvh)) => single::any(simd, bvh, ray, t_max, stack),
+        Some(Triangles::KdTree(tree)) => {
+            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, t_max).is_some()
+        }
+    };
+    if met {
         return true;
     }
     !object.instance_tree.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)

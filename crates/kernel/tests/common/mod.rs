@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use heliostat_kernel::{
-    BuildOptions, Hit, Isa, Layout, Mesh, Object, Oracle, Ray, RayQuery, Tile, TriangleBvh, World, glam::Vec3,
+    BuildOptions, Hit, Isa, KdOptions, KdTree, Layout, Mesh, Object, Oracle, Ray, RayQuery, Tile,
+    TriangleBvh, World, glam::Vec3,
 };
 
 /// Rounds of a randomised hunt: `default` in a normal run, more on demand through `HELIOSTAT_HUNT`.
@@ -45,19 +46,46 @@ impl Rng {
     }
 }
 
-/// Options for every builder, and for every layout.
+/// Makes an object of meshes.
+pub(crate) type MakeObject = fn(&[Mesh]) -> Arc<Object>;
+
+/// One way to make an object for each builder and each layout of the bounding volume hierarchy.
+pub(crate) const HIERARCHIES: [MakeObject; 4] = [
+    object,
+    |meshes| object_by(meshes, &BuildOptions::quality()),
+    |meshes| object_by(meshes, &BuildOptions::fast()),
+    |meshes| object_by(meshes, &compact()),
+];
+
+/// Those, and the kd-tree.
+pub(crate) const ACCELERATORS: [MakeObject; 5] = {
+    let [plain, quality, fast, compact] = HIERARCHIES;
+    [plain, quality, fast, compact, kd_object]
+};
+
+/// Options for every builder and every layout of the bounding volume hierarchy.
 pub(crate) fn all_builders() -> Vec<BuildOptions> {
-    let compact = BuildOptions { layout: Layout::Compact, ..BuildOptions::default() };
-    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast(), compact]
+    vec![BuildOptions::default(), BuildOptions::quality(), BuildOptions::fast(), compact()]
 }
 
+fn compact() -> BuildOptions {
+    BuildOptions { layout: Layout::Compact, ..BuildOptions::default() }
+}
+
+/// Over a bounding volume hierarchy.
 pub(crate) fn object(meshes: &[Mesh]) -> Arc<Object> {
     object_by(meshes, &BuildOptions::default())
 }
 
-pub(crate) fn object_by(meshes: &[Mesh], options: &BuildOptions) -> Arc<Object> {
+fn object_by(meshes: &[Mesh], options: &BuildOptions) -> Arc<Object> {
     let tree = TriangleBvh::build(meshes, options).expect("valid meshes");
-    Arc::new(Object::new(Some(Arc::new(tree)), Vec::new()).expect("no instances"))
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
+}
+
+/// Over a kd-tree.
+pub(crate) fn kd_object(meshes: &[Mesh]) -> Arc<Object> {
+    let tree = KdTree::build(meshes, &KdOptions::default()).expect("valid meshes");
+    Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"))
 }
 
 /// `count` loose triangles of about `size` in a cube of half edge `scale` about `center`.
@@ -112,10 +140,10 @@ pub(crate) fn tiles(rng: &mut Rng, count: usize, scale: f32, center: Vec3) -> Ve
         .collect()
 }
 
-/// [`check_all`] with the tree of each builder.
-pub(crate) fn check_builders(meshes: &[Mesh], rays: &[Ray], tiles: &[Tile], error: f64) {
-    for options in all_builders() {
-        check_all(&object_by(meshes, &options), rays, tiles, error);
+/// [`check_all`] over every accelerator, builder and layout.
+pub(crate) fn check_each(meshes: &[Mesh], rays: &[Ray], tiles: &[Tile], error: f64) {
+    for object in ACCELERATORS {
+        check_all(&object(meshes), rays, tiles, error);
     }
 }
 

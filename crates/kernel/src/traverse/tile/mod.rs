@@ -2,6 +2,7 @@
 //!
 //! A common origin stays common under an affine map, so the same kernel serves every level of instances.
 mod collect;
+mod kd;
 mod leaf;
 mod walk;
 mod work;
@@ -22,6 +23,7 @@ use crate::{
     ray::{Hit, PathId},
     tile::Tile,
     triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// Fewer rays than this on a face are traced singly.
@@ -247,7 +249,7 @@ fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRay
     for i in 0..rays.len {
         let direction = rays.direction(i);
         if has(waiting, i as u8) && face.takes(direction) {
-            waiting[i / 64 & 3] &= !(1 << (i % 64));
+            waiting[(i / 64) & 3] &= !(1 << (i % 64));
             chosen.push(direction, rays.tile.t_min[i], rays.tile.t_max[i], rays.slot[i]);
         }
     }
@@ -280,6 +282,10 @@ fn few<S: Simd, const ANY: bool>(
     }
 }
 
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
 #[inline(always)]
 fn one_face<S: Simd, const ANY: bool>(
     simd: S,
@@ -295,15 +301,17 @@ fn one_face<S: Simd, const ANY: bool>(
         return few::<S, ANY>(simd, object, path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
-    if let Some(bvh) = &object.triangles
-        && !bvh.tree.is_empty()
-    {
-        triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
-        if ANY {
-            collect::occluded(simd, rays, work, answers);
-        } else {
-            collect::hits(simd, bvh, path, rays, work, answers);
+    match &object.triangles {
+        Some(Triangles::Bvh(bvh)) if !bvh.tree.is_empty() => {
+            triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
+            if ANY {
+                collect::occluded(simd, rays, work, answers);
+            } else {
+                collect::hits(simd, bvh, path, rays, work, answers);
+            }
         }
+        Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
+        _ => {}
     }
     if !object.instance_tree.nodes.is_empty() {
         nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);

@@ -1,0 +1,95 @@
+//! One ray through the kd-tree, from front to back.
+use glam::Vec3A;
+
+use super::{KdTree, ray::KdRay};
+
+/// A power of two above the depth of any tree.
+const STACK: usize = 64;
+const _: () = assert!(STACK >= KdTree::MAX_DEPTH as usize);
+
+/// A far child that waits, with the part of the ray inside it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Waiting {
+    node: u32,
+    enter: f32,
+    leave: f32,
+}
+
+/// A triangle that a ray settled on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub t: f32,
+    /// Index in the tree's store of triangles.
+    pub index: u32,
+}
+
+/// The closest triangle with `t_min < t < t_max`; `ANY`: the first one found instead. The ray must be finite, with a
+/// direction whose largest component is within 1e-12..=1e12, and `t_min` not negative.
+///
+/// # References
+/// Wald 2004, "Realtime ray tracing and interactive global illumination", section 7.2.1. Deviation: planes are a few
+/// rounding errors thick, and rays pass on both sides of them inside that thickness.
+#[inline(always)]
+pub(crate) fn trace<const ANY: bool>(
+    tree: &KdTree,
+    origin: Vec3A,
+    direction: Vec3A,
+    t_min: f32,
+    t_max: f32,
+) -> Option<Candidate> {
+    if tree.nodes.is_empty() {
+        return None;
+    }
+    let ray = KdRay::new(tree, origin, direction, t_min);
+    let (mut enter, mut leave) = ray.span(tree, t_max);
+    if enter > leave {
+        return None;
+    }
+    let mut waiting = [Waiting::default(); STACK];
+    let mut height = 0;
+    let mut best = None;
+    let mut limit = t_max;
+    let mut current = 0;
+    loop {
+        let node = tree.nodes[current as usize];
+        if !node.is_leaf() {
+            let axis = node.axis() % 3;
+            let t = (node.split() - ray.origin[axis]) * ray.inverse[axis];
+            let (begin_far, end_near) = (t - ray.pad[axis], t + ray.pad[axis]);
+            let upper = ray.negative >> axis & 1;
+            let (near, far) = (node.payload() + upper, node.payload() + (upper ^ 1));
+            if begin_far > leave {
+                current = near;
+            } else if end_near < enter {
+                current = far;
+            } else {
+                // The tree is no deeper than the stack; the remainder tells the compiler so.
+                waiting[height % STACK] = Waiting { node: far, enter: begin_far.max(enter), leave };
+                height += 1;
+                leave = end_near.min(leave);
+                current = near;
+            }
+            continue;
+        }
+        for &index in &tree.references[node.range()] {
+            if let Some(t) = ray.test(&tree.corners[index as usize], limit) {
+                limit = t;
+                best = Some(Candidate { t, index });
+                if ANY {
+                    return best;
+                }
+            }
+        }
+        loop {
+            if height == 0 {
+                return best;
+            }
+            height -= 1;
+            let next = waiting[height % STACK];
+            if next.enter < limit {
+                (current, enter, leave) = (next.node, next.enter, next.leave.min(limit));
+                break;
+            }
+        }
+    }
+}
