@@ -97,14 +97,13 @@ impl Packets {
         Self { packet: Packet::EMPTY, t_end: [0.0; LANES], visits: Vec::with_capacity(64) }
     }
 
+    /// Takes up rays known to be valid.
     #[inline(always)]
     fn load(&mut self, rays: &[Ray], indices: &[u8]) {
         self.packet.clear();
         for &index in indices {
             let ray = &rays[usize::from(index)];
-            if let Some(local) = LocalRay::new(ray) {
-                self.packet.push(&local, ray.t_max);
-            }
+            self.packet.push(&LocalRay::unchecked(ray), ray.t_max);
         }
         self.t_end = self.packet.t_max;
     }

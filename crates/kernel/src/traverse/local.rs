@@ -26,9 +26,14 @@ impl LocalRay {
         if ray.t_min.is_nan() {
             return None;
         }
-        let t_min = ray.t_min.max(0.0);
-        let local = Self { origin: ray.origin.into(), direction: ray.direction.into(), t_min };
-        (local.in_range() && t_min < ray.t_max).then_some(local)
+        let local = Self::unchecked(ray);
+        (local.in_range() && local.t_min < ray.t_max).then_some(local)
+    }
+
+    /// A ray that [`LocalRay::new`] accepts.
+    #[inline(always)]
+    pub(super) fn unchecked(ray: &Ray) -> Self {
+        Self { origin: ray.origin.into(), direction: ray.direction.into(), t_min: ray.t_min.max(0.0) }
     }
 
     /// The ray carried into another space; parameters stay the same. `None` if it leaves the usable range.

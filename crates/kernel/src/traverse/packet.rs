@@ -22,7 +22,9 @@ use crate::{
 /// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
 const FEW: u32 = 4;
 /// From so many lanes on, triangles go one by one through all lanes rather than rays one by one through 8 triangles.
-const MANY: u32 = 8;
+const MANY: u32 = 7;
+/// The same if the lanes' largest axes differ.
+const MANY_UNLIKE: u32 = 10;
 
 /// Up to 16 rays of one sign octant, set up for box and triangle tests.
 #[repr(C, align(64))]
@@ -41,8 +43,10 @@ pub(super) struct Packet {
     axis: [u32; LANES],
     sheared_origin: [Lanes; 3],
     shear: [Lanes; 3],
-    /// The lanes whose largest component is along the same axis as lane 0's.
-    alike: u16,
+    /// Bits of the lanes whose largest component is x, and of those with y.
+    turned: [u16; 2],
+    /// From how many lanes on a leaf is shared.
+    many: u32,
     len: usize,
 }
 
@@ -68,7 +72,8 @@ impl Packet {
         axis: [0; LANES],
         sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
-        alike: 0,
+        turned: [0; 2],
+        many: MANY,
         len: 0,
     };
 
@@ -116,7 +121,7 @@ impl Packet {
             if bits == 0 {
                 continue;
             }
-            if visit.child.is_leaf() && bits.count_ones() >= MANY && bits & !self.alike == 0 {
+            if visit.child.is_leaf() && bits.count_ones() >= self.many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
                     self.together::<S, ANY>(simd, bvh, block, bits);
@@ -172,13 +177,16 @@ impl Packet {
         (enter, enter.simd_le(leave))
     }
 
-    /// The lanes in `bits`, alike in their largest axis, against a block's triangles one by one: [`Shear::test`] with
-    /// the roles of rays and triangles exchanged, operation by operation, so that a mesh stays watertight.
+    /// The lanes in `bits` against a block's triangles one by one: [`Shear::test`] with the roles of rays and
+    /// triangles exchanged, operation by operation, so that a mesh stays watertight.
     #[inline(always)]
     fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
         let mut place = None;
         let triangles = bvh.blocks().get(block, &mut place);
-        let axes = [0, 1, 2].map(|i| (self.axis[0] as usize + 1 + i) % 3);
+        let turned = [
+            mask32x16::from_bitmask(simd, u64::from(self.turned[0])),
+            mask32x16::from_bitmask(simd, u64::from(self.turned[1])),
+        ];
         let origin = load(simd, &self.sheared_origin);
         let shear = load(simd, &self.shear);
         let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
@@ -190,9 +198,9 @@ impl Packet {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
                 break;
             }
-            let (ax, ay, az) = sheared(simd, triangles, 0, lane, axes, origin, shear);
-            let (bx, by, bz) = sheared(simd, triangles, 1, lane, axes, origin, shear);
-            let (cx, cy, cz) = sheared(simd, triangles, 2, lane, axes, origin, shear);
+            let (ax, ay, az) = sheared(simd, triangles, 0, lane, turned, origin, shear);
+            let (bx, by, bz) = sheared(simd, triangles, 1, lane, turned, origin, shear);
+            let (cx, cy, cz) = sheared(simd, triangles, 2, lane, turned, origin, shear);
             let u = cx * by - cy * bx;
             let v = ax * cy - ay * cx;
             let w = bx * ay - by * ax;
@@ -206,6 +214,9 @@ impl Packet {
             let hit = inside & t.simd_gt(t_min) & t.simd_lt(t_max);
             t_max = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, t_max);
             id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
+            if ANY && (t_max.simd_ge(zero) & wanted).to_bitmask() == 0 {
+                break;
+            }
         }
         self.t_max = t_max.into();
         self.id = id.into();
@@ -317,7 +328,11 @@ impl Packet {
         let axis = y_is_largest.select(u32x16::splat(simd, 1), u32x16::splat(simd, 2));
         let axis = x_is_largest.select(zero, axis);
         self.axis = axis.into();
-        self.alike = axis.simd_eq(u32x16::splat(simd, self.axis[0])).to_bitmask() as u16;
+        self.turned = [x_is_largest.to_bitmask() as u16, y_is_largest.to_bitmask() as u16];
+        let used = ((1_u32 << self.len) - 1) as u16;
+        let alike = self.turned.iter().any(|turned| used & !turned == 0)
+            || used & (self.turned[0] | self.turned[1]) == 0;
+        self.many = if alike { MANY } else { MANY_UNLIKE };
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
@@ -350,15 +365,15 @@ fn sheared<S: Simd>(
     block: &Block,
     corner: usize,
     lane: usize,
-    axes: [usize; 3],
+    turned: [mask32x16<S>; 2],
     origin: Triple<S>,
     shear: Triple<S>,
 ) -> (f32x16<S>, f32x16<S>, f32x16<S>) {
-    let [kx, ky, kz] = axes;
-    let vertex = &block.vertex[corner];
-    let z = f32x16::splat(simd, vertex[kz % 3][lane]) - origin[2];
-    let x = f32x16::splat(simd, vertex[kx % 3][lane]) - origin[0];
-    let y = f32x16::splat(simd, vertex[ky % 3][lane]) - origin[1];
+    let [x, y, z] = &block.vertex[corner];
+    let vertex =
+        [f32x16::splat(simd, x[lane]), f32x16::splat(simd, y[lane]), f32x16::splat(simd, z[lane])];
+    let [x, y, z] = turn(vertex, turned[0], turned[1]);
+    let (x, y, z) = (x - origin[0], y - origin[1], z - origin[2]);
     (z.mul_add(shear[0], x), z.mul_add(shear[1], y), z)
 }
 
