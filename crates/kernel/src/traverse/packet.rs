@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
-const FEW: u32 = 4;
+const FEW: u32 = 6;
 /// From so many lanes on, triangles go one by one through all lanes rather than rays one by one through 8 triangles.
 const MANY: u32 = 7;
 /// The same if the lanes' largest axes differ.
