@@ -224,7 +224,13 @@ impl Packet {
 
     /// The hits of the lanes that found something; `t_end` is where each ray ends.
     #[inline(always)]
-    pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, t_end: &Lanes, mesh: &mut MeshOf) -> Words {
+    pub(super) fn hits<S: Simd>(
+        &self,
+        simd: S,
+        bvh: &TriangleBvh,
+        t_end: &Lanes,
+        mesh: &mut MeshOf,
+    ) -> Words {
         let mut gathered = Gathered::EMPTY;
         for lane in 0..LANES {
             let id = self.id[lane];
@@ -370,8 +376,7 @@ fn sheared<S: Simd>(
     shear: Triple<S>,
 ) -> (f32x16<S>, f32x16<S>, f32x16<S>) {
     let [x, y, z] = &block.vertex[corner];
-    let vertex =
-        [f32x16::splat(simd, x[lane]), f32x16::splat(simd, y[lane]), f32x16::splat(simd, z[lane])];
+    let vertex = [f32x16::splat(simd, x[lane]), f32x16::splat(simd, y[lane]), f32x16::splat(simd, z[lane])];
     let [x, y, z] = turn(vertex, turned[0], turned[1]);
     let (x, y, z) = (x - origin[0], y - origin[1], z - origin[2]);
     (z.mul_add(shear[0], x), z.mul_add(shear[1], y), z)

@@ -54,11 +54,7 @@ pub(super) struct Exact<S: Simd> {
 
 /// Intersects 16 rays with a triangle each.
 #[inline(always)]
-pub(super) fn exact<S: Simd>(
-    simd: S,
-    corners: &[[Lanes; 3]; 3],
-    rays: &Projection<S>,
-) -> Exact<S> {
+pub(super) fn exact<S: Simd>(simd: S, corners: &[[Lanes; 3]; 3], rays: &Projection<S>) -> Exact<S> {
     let a = relative(simd, &corners[0], rays.origin);
     let b = relative(simd, &corners[1], rays.origin);
     let c = relative(simd, &corners[2], rays.origin);

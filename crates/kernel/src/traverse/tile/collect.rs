@@ -76,41 +76,41 @@ fn gather<S: Simd>(
     bits: u16,
     mesh: &mut MeshOf,
 ) {
-        let all = u32x16::load_array_ref(simd, ids);
-        let mut rest = bits;
-        while rest != 0 {
-            let lane = (rest.trailing_zeros() & 15) as usize;
-            let id = ids[lane];
-            let mut place = None;
-            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
-            let from = id as usize % WIDTH;
-            let same = all.simd_eq(u32x16::splat(simd, id));
-            let sharing = same.to_bitmask() as u16;
-            for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-                for (lanes, axis) in corner.iter_mut().zip(face.axes) {
-                    let value = vertex[axis % 3][from];
-                    if sharing.count_ones() > FEW_LANES {
-                        let before = f32x16::load_array_ref(simd, lanes);
-                        *lanes = same.select(f32x16::splat(simd, value), before).into();
-                    } else {
-                        lanes[lane] = value;
-                    }
+    let all = u32x16::load_array_ref(simd, ids);
+    let mut rest = bits;
+    while rest != 0 {
+        let lane = (rest.trailing_zeros() & 15) as usize;
+        let id = ids[lane];
+        let mut place = None;
+        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
+        let from = id as usize % WIDTH;
+        let same = all.simd_eq(u32x16::splat(simd, id));
+        let sharing = same.to_bitmask() as u16;
+        for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
+            for (lanes, axis) in corner.iter_mut().zip(face.axes) {
+                let value = vertex[axis % 3][from];
+                if sharing.count_ones() > FEW_LANES {
+                    let before = f32x16::load_array_ref(simd, lanes);
+                    *lanes = same.select(f32x16::splat(simd, value), before).into();
+                } else {
+                    lanes[lane] = value;
                 }
-            }
-            let (geometry, primitive) = mesh.locate(bvh, block.triangle[from]);
-            if sharing.count_ones() > FEW_LANES {
-                for (lanes, value) in [(&mut gathered.geometry, geometry), (&mut gathered.primitive, primitive)] {
-                    let before = u32x16::load_array_ref(simd, lanes);
-                    *lanes = same.select(u32x16::splat(simd, value), before).into();
-                }
-                rest &= !sharing;
-            } else {
-                gathered.geometry[lane] = geometry;
-                gathered.primitive[lane] = primitive;
-                rest &= rest - 1;
             }
         }
+        let (geometry, primitive) = mesh.locate(bvh, block.triangle[from]);
+        if sharing.count_ones() > FEW_LANES {
+            for (lanes, value) in [(&mut gathered.geometry, geometry), (&mut gathered.primitive, primitive)] {
+                let before = u32x16::load_array_ref(simd, lanes);
+                *lanes = same.select(u32x16::splat(simd, value), before).into();
+            }
+            rest &= !sharing;
+        } else {
+            gathered.geometry[lane] = geometry;
+            gathered.primitive[lane] = primitive;
+            rest &= rest - 1;
+        }
     }
+}
 
 /// The hits of group `g` in their triangles.
 #[inline(always)]
