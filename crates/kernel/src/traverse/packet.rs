@@ -166,10 +166,10 @@ impl Packet {
     ) -> (f32x16<S>, mask32x16<S>) {
         let mut enter = f32x16::load_array_ref(simd, &self.t_min);
         let mut leave = f32x16::splat(simd, f32::INFINITY);
-        for axis in 0..3 {
+        for (axis, row) in near.into_iter().enumerate() {
             let inverse = f32x16::load_array_ref(simd, &self.inverse[axis]);
-            let first = f32x16::splat(simd, node.bounds[near[axis] % 6][lane & 7]);
-            let last = f32x16::splat(simd, node.bounds[(near[axis] + 3) % 6][lane & 7]);
+            let first = f32x16::splat(simd, node.bounds[row % 6][lane & 7]);
+            let last = f32x16::splat(simd, node.bounds[(row + 3) % 6][lane & 7]);
             enter = enter.max(first.mul_sub(inverse, f32x16::load_array_ref(simd, &self.near_shift[axis])));
             leave = leave.min(last.mul_sub(inverse, f32x16::load_array_ref(simd, &self.far_shift[axis])));
         }
