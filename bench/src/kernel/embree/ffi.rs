@@ -128,6 +128,7 @@ api! {
     release_scene = rtcReleaseScene: unsafe extern "C" fn(Handle);
     scene_flags = rtcSetSceneFlags: unsafe extern "C" fn(Handle, u32);
     scene_quality = rtcSetSceneBuildQuality: unsafe extern "C" fn(Handle, u32);
+    geometry_quality = rtcSetGeometryBuildQuality: unsafe extern "C" fn(Handle, u32);
     commit_scene = rtcCommitScene: unsafe extern "C" fn(Handle);
     new_geometry = rtcNewGeometry: unsafe extern "C" fn(Handle, u32) -> Handle;
     release_geometry = rtcReleaseGeometry: unsafe extern "C" fn(Handle);
@@ -254,6 +255,7 @@ impl Scene {
             (api.scene_flags)(handle, if compact { COMPACT } else { 0 });
             (api.scene_quality)(handle, quality);
             let geometry = (api.new_geometry)(device.handle, TRIANGLES);
+            (api.geometry_quality)(geometry, quality);
             let vertices = (api.new_buffer)(geometry, VERTEX_BUFFER, 0, FORMAT_FLOAT3, 12, positions.len());
             let triangles = (api.new_buffer)(geometry, INDEX_BUFFER, 0, FORMAT_UINT3, 12, indices.len());
             if vertices.is_null() || triangles.is_null() {

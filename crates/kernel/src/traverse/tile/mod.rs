@@ -18,7 +18,6 @@ use self::{
 };
 use super::{batch, instances, local::LocalRay, stack::Stack};
 use crate::{
-    layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
     tile::Tile,
@@ -330,13 +329,10 @@ fn triangles<S: Simd, const ANY: bool>(
     let frame = Frame::new(rays.tile.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
-    visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
+    visits.push(Visit::ROOT);
     while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
-        let mut place = None;
-        let node = bvh.tree.view().get(simd, visit.node as usize, &mut place);
-        let range = frame.box_range(node, usize::from(visit.lane));
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, bvh.blocks(), &range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, bvh.blocks(), &visit.range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);
@@ -368,14 +364,12 @@ fn nested<S: Simd, const ANY: bool>(
 ) {
     let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.extent, work);
     let mark = scratch.visits.len();
-    scratch.visits.push(Visit { child: Child::inner(0), depth: 0.0, mask: u16::MAX, lane: 0, node: 0 });
+    scratch.visits.push(Visit::ROOT);
     while let Some(visit) =
         next_leaf(simd, &object.instance_tree, &object.instances[..], &frame, work, &mut scratch.visits, mark)
     {
         let placed = &object.instances[visit.child.payload() as usize];
-        let range =
-            frame.box_range(&object.instance_tree.nodes[visit.node as usize], usize::from(visit.lane));
-        let (mask, wanted) = rays_in_box(simd, work, visit.mask, &range, frame.slack);
+        let (mask, wanted) = rays_in_box(simd, work, visit.mask, &visit.range, frame.slack);
         if mask == 0 {
             continue;
         }

@@ -4,7 +4,10 @@
 //! between rasterization and ray casting"].
 use fearless_simd::{f32x8, f32x16, prelude::*};
 
-use super::work::{Face, GROUP, Work};
+use super::{
+    leaf::rays_in_box,
+    work::{Face, GROUP, Work},
+};
 use crate::{
     build::wide::WideTree,
     layout::{Block, Child, Node},
@@ -15,16 +18,24 @@ use crate::{
 /// Widening of boxes in units of the largest coordinate, as for single rays.
 const BOX_SLACK: f32 = 3.0 * f32::EPSILON;
 
+/// So few groups are narrowed down to rays at inner nodes too: scattered ones meet boxes that none of their rays does.
+const FEW_GROUPS: u32 = 2;
+
 /// A subtree to visit, and the groups that meet its box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Visit {
     pub child: Child,
-    /// Nearest depth of the box.
-    pub depth: f32,
     pub mask: u16,
-    /// Where the box is: lane of node.
-    pub lane: u8,
-    pub node: u32,
+    pub range: BoxRange,
+}
+
+impl Visit {
+    /// The whole tree.
+    pub(super) const ROOT: Self = {
+        let all = [f32::NEG_INFINITY, f32::INFINITY];
+        let range = BoxRange { near: 0.0, far: f32::INFINITY, u: all, v: all };
+        Self { child: Child::inner(0), mask: u16::MAX, range }
+    };
 }
 
 /// The projection of an object's space: axis order, sign and origin.
@@ -82,20 +93,6 @@ impl Frame {
             far: row(simd, node, far, self.origin[2]) * sign,
             u: [row(simd, node, u, self.origin[0]), row(simd, node, u + 3, self.origin[0])],
             v: [row(simd, node, v, self.origin[1]), row(simd, node, v + 3, self.origin[1])],
-        }
-    }
-
-    /// The box of one child.
-    #[inline(always)]
-    pub(super) fn box_range(&self, node: &Node, lane: usize) -> BoxRange {
-        let [u, v, k] = self.face.axes;
-        let at = |row: usize, origin: f32| node.bounds[row % 6][lane & 7] - origin;
-        let (near, far) = if self.face.sign < 0.0 { (k + 3, k) } else { (k, k + 3) };
-        BoxRange {
-            near: (at(near, self.origin[2]) * self.face.sign).max(0.0),
-            far: at(far, self.origin[2]) * self.face.sign,
-            u: [at(u, self.origin[0]), at(u + 3, self.origin[0])],
-            v: [at(v, self.origin[1]), at(v + 3, self.origin[1])],
         }
     }
 
@@ -181,7 +178,7 @@ pub(super) fn next_leaf<S: Simd>(
 ) -> Option<Visit> {
     while stack.len() > mark {
         let mut visit = stack.pop()?;
-        visit.mask &= work.reaching(simd, visit.depth);
+        visit.mask &= work.reaching(simd, visit.range.near);
         if visit.mask == 0 {
             continue;
         }
@@ -207,7 +204,7 @@ fn open<S: Simd>(
     let mut place = None;
     let node = tree.view().get(simd, visit.child.0 as usize, &mut place);
     let boxes = frame.boxes(simd, node);
-    let bits = frame.cull(simd, &boxes, work.rect, work.far);
+    let bits = frame.cull(simd, &boxes, work.rect_of(visit.mask), work.far);
     if bits == 0 {
         return;
     }
@@ -223,7 +220,10 @@ fn open<S: Simd>(
         let range =
             BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
         let met = meet(simd, &range, frame.slack, [&work.u0, &work.u1], [&work.v0, &work.v1]);
-        let mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
+        let mut mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
+        if mask.count_ones() <= FEW_GROUPS {
+            (mask, _) = rays_in_box(simd, work, mask, &range, frame.slack);
+        }
         if mask != 0 {
             let child = node.child[lane];
             if child.is_leaf() {
@@ -231,7 +231,7 @@ fn open<S: Simd>(
             } else {
                 prefetch(&tree.nodes, child.0 as usize);
             }
-            stack.push(Visit { child, depth: range.near, mask, lane: lane as u8, node: visit.child.0 });
+            stack.push(Visit { child, mask, range });
         }
     }
 }
