@@ -19,7 +19,7 @@ use crate::{
 const BOX_SLACK: f32 = 3.0 * f32::EPSILON;
 
 /// So few groups are narrowed down to rays at inner nodes too: scattered ones meet boxes that none of their rays does.
-const FEW_GROUPS: u32 = 2;
+const FEW_GROUPS: u32 = 5;
 
 /// A subtree to visit, and the groups that meet its box.
 #[derive(Clone, Copy, Debug)]
@@ -221,11 +221,12 @@ fn open<S: Simd>(
             BoxRange { near: near[lane], far: far[lane], u: [ul[lane], uh[lane]], v: [vl[lane], vh[lane]] };
         let met = meet(simd, &range, frame.slack, [&work.u0, &work.u1], [&work.v0, &work.v1]);
         let mut mask = met.to_bitmask() as u16 & work.reaching(simd, range.near) & visit.mask;
-        if mask.count_ones() <= FEW_GROUPS {
+        let child = node.child[lane];
+        // A leaf does so by itself.
+        if mask.count_ones() <= FEW_GROUPS && !child.is_leaf() {
             (mask, _) = rays_in_box(simd, work, mask, &range, frame.slack);
         }
         if mask != 0 {
-            let child = node.child[lane];
             if child.is_leaf() {
                 leaves.prefetch(child);
             } else {
