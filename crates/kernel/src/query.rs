@@ -16,7 +16,7 @@ pub trait RayQuery: Sync {
     /// Whether anything lies in the interval of each ray of a tile.
     fn occluded_tile(&self, tile: &Tile, occluded: &mut [bool]);
 
-    /// Closest hits of arbitrary rays, any number.
+    /// Closest hits of arbitrary rays, any number: those of neighbouring pixels in one call are answered faster.
     fn intersect(&self, rays: &[Ray], hits: &mut [Hit]);
 
     /// Whether anything lies in the interval of each ray.

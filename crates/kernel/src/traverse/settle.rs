@@ -191,8 +191,8 @@ fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
 #[inline(always)]
 fn inside<S: Simd>(t: f32x16<S>, t_min: f32x16<S>, t_max: f32x16<S>) -> f32x16<S> {
     let one = u32x16::splat(t.token(), 1);
-    // The next float: those that are not negative are ordered like their bits.
-    let after_start = (t_min.bitcast::<u32x16<S>>() + one).bitcast::<f32x16<S>>();
+    // The next float: those that are not negative are ordered like their bits, once −0 is 0.
+    let after_start = (t_min.abs().bitcast::<u32x16<S>>() + one).bitcast::<f32x16<S>>();
     let before_end = (t_max.bitcast::<u32x16<S>>() - one).bitcast::<f32x16<S>>();
     let t = t.simd_le(t_min).select(after_start, t);
     t.simd_ge(t_max).select(before_end, t)
