@@ -99,7 +99,10 @@ impl Dirty {
                 Edit::Instance(id, _) | Edit::RemoveInstance(id) => {
                     dirty.instance(*id, RebuildReason::Changed, scene, compiled);
                 }
-                Edit::MoveInstance(id, _) => {
+                Edit::ShowInstance(id, _) => {
+                    dirty.instance(*id, RebuildReason::Changed, scene, compiled);
+                }
+                Edit::MoveInstance(id, _) | Edit::SweepInstance(id, ..) => {
                     dirty.instance(*id, RebuildReason::InstanceMoved, scene, compiled);
                 }
                 Edit::Texture(id, _) => _ = dirty.textures.insert(*id),

@@ -30,7 +30,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use heliostat_scene::{Edit, Material};
+use heliostat_scene::{Edit, Material, Timeline};
 
 mod context;
 mod diagnostic;
@@ -60,6 +60,8 @@ pub use source::{Directory, FileSource, Memory, NoFiles, SourceError};
 pub struct Loaded {
     /// What to apply to an empty scene. Handles count from 0 in each kind.
     pub edits: Vec<Edit>,
+    /// How the scene moves; empty for formats and files without motion.
+    pub timeline: Timeline,
     /// What the user should know, in the order found.
     pub diagnostics: Vec<Diagnostic>,
 }
@@ -105,7 +107,7 @@ pub fn load_bytes(
         Format::Obj => obj::load(&mut context, &file, &bytes)?,
         Format::Ply => ply::load(&mut context, &file, &bytes)?,
     };
-    Ok(Loaded { edits, diagnostics: context.finish(&file) })
+    Ok(Loaded { edits, timeline: Timeline::default(), diagnostics: context.finish(&file) })
 }
 
 /// The scene formats.

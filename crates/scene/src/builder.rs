@@ -108,8 +108,8 @@ impl SceneBuilder {
     ) -> InstanceId {
         let id = InstanceId(take(&mut self.next.instance));
         let name = name.into();
-        self.edits
-            .push(Edit::Instance(id, Instance { name, object, parent, parent_from_object, visible: true }));
+        let instance = Instance { name, object, parent, parent_from_object, motion: None, visible: true };
+        self.edits.push(Edit::Instance(id, instance));
         id
     }
 

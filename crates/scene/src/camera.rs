@@ -9,6 +9,8 @@ pub struct Camera {
     pub name: String,
     /// Placement; scale is ignored where it does not matter.
     pub world_from_camera: Affine3A,
+    /// `world_from_camera` when the shutter closes; in between its entries change linearly. `None` stands still.
+    pub motion: Option<Affine3A>,
     /// How directions map to the picture.
     pub projection: Projection,
     /// `None` is a pinhole: everything is in focus.
@@ -51,6 +53,7 @@ impl Camera {
         Self {
             name: name.into(),
             world_from_camera: Affine3A { matrix3: axes, translation: Vec3A::from(eye) },
+            motion: None,
             projection: Projection::Perspective { vertical_fov },
             lens: None,
         }
@@ -58,11 +61,11 @@ impl Camera {
 
     /// What is out of range, if anything.
     pub fn problem(&self) -> Option<String> {
-        let place = self.world_from_camera;
-        if !place.is_finite() || place.matrix3.determinant() == 0.0 {
-            return Some(
-                "`world_from_camera` is singular or not finite; give an invertible transform".into(),
-            );
+        let places = [("world_from_camera", Some(self.world_from_camera)), ("motion", self.motion)];
+        for (name, place) in places {
+            if place.is_some_and(|place| !place.is_finite() || place.matrix3.determinant() == 0.0) {
+                return Some(format!("`{name}` is singular or not finite; give an invertible transform"));
+            }
         }
         match self.projection {
             Projection::Perspective { vertical_fov }

@@ -32,8 +32,12 @@ pub enum Edit {
     RemoveObject(ObjectId),
     /// Defines or replaces an instance.
     Instance(InstanceId, Instance),
-    /// Changes where an instance stands and nothing else.
+    /// Changes where an instance stands, at rest, and nothing else.
     MoveInstance(InstanceId, Affine3A),
+    /// Changes where an instance stands when the shutter opens and when it closes, and nothing else.
+    SweepInstance(InstanceId, Affine3A, Affine3A),
+    /// Shows or hides an instance and changes nothing else.
+    ShowInstance(InstanceId, bool),
     /// Removes an instance.
     RemoveInstance(InstanceId),
     /// Defines or replaces a light.

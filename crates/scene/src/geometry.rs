@@ -22,6 +22,8 @@ pub struct Mesh {
     pub positions: Arc<[Vec3]>,
     /// Three vertex indices per triangle.
     pub indices: Arc<[[u32; 3]]>,
+    /// Vertex positions when the shutter closes; in between they move linearly. Empty (absent) stands still.
+    pub motion: Arc<[Vec3]>,
     /// Shading normals; they need not be unit length.
     pub normals: Vec<Vec3>,
     /// Tangents: xyz along increasing u of `uvs[0]`; w = ±1 gives the bitangent `w (n × t)`.
@@ -48,10 +50,16 @@ impl Mesh {
         mesh
     }
 
+    /// This mesh, moving to the positions of `end` while the shutter is open. Shading normals stay.
+    pub(crate) fn moving_to(&self, end: &Self) -> Self {
+        Self { motion: end.positions.clone(), ..self.clone() }
+    }
+
     /// What makes the arrays inconsistent with each other, if anything.
     pub(crate) fn inconsistency(&self) -> Option<String> {
         let vertices = self.positions.len();
         let attributes = [
+            ("motion", self.motion.len()),
             ("normals", self.normals.len()),
             ("tangents", self.tangents.len()),
             ("uvs[0]", self.uvs[0].len()),

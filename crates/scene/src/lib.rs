@@ -36,6 +36,7 @@ mod material;
 mod object;
 mod scene;
 mod texture;
+mod timeline;
 
 pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
@@ -49,3 +50,4 @@ pub use material::{AlphaMode, Clearcoat, Material, TextureRef, UvTransform, Volu
 pub use object::{Instance, Object, Part};
 pub use scene::{Applied, Scene, SceneBounds};
 pub use texture::{ColorSpace, Image, Pixels, Texture, Wrap};
+pub use timeline::{Clip, Motion, Pose, Timeline};

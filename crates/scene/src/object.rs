@@ -33,6 +33,8 @@ pub struct Instance {
     pub parent: Option<ObjectId>,
     /// Affine; mirroring and shear are allowed. A singular transform makes the instance invisible.
     pub parent_from_object: Affine3A,
+    /// `parent_from_object` when the shutter closes; in between its entries change linearly. `None` stands still.
+    pub motion: Option<Affine3A>,
     /// Invisible instances are not hit by any ray and emit nothing.
     pub visible: bool,
 }

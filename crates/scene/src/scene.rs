@@ -164,16 +164,18 @@ impl Scene {
             }
             Edit::Object(id, object) => Undo::Object(*id, self.objects.insert(*id, object.clone())),
             Edit::Instance(id, instance) => {
-                valid(Target::Instance(*id), transform_problem(&instance.parent_from_object))?;
+                let transforms = [Some(instance.parent_from_object), instance.motion];
+                valid(Target::Instance(*id), transforms.iter().flatten().find_map(transform_problem))?;
                 Undo::Instance(*id, self.instances.insert(*id, instance.clone()))
             }
-            Edit::MoveInstance(id, parent_from_object) => {
-                let target = Target::Instance(*id);
-                valid(target, transform_problem(parent_from_object))?;
-                let instance = self.instances.get_mut(id).ok_or(EditError::Unknown { target })?;
-                let before = instance.clone();
-                instance.parent_from_object = *parent_from_object;
-                Undo::Instance(*id, Some(before))
+            Edit::MoveInstance(id, to) => self.change_instance(*id, |instance| {
+                (instance.parent_from_object, instance.motion) = (*to, None);
+            })?,
+            Edit::SweepInstance(id, from, to) => self.change_instance(*id, |instance| {
+                (instance.parent_from_object, instance.motion) = (*from, Some(*to));
+            })?,
+            Edit::ShowInstance(id, visible) => {
+                self.change_instance(*id, |instance| instance.visible = *visible)?
             }
             Edit::Light(id, light) => {
                 valid(Target::Light(*id), light.inconsistency())?;
@@ -216,6 +218,26 @@ impl Scene {
                 Undo::Camera(*id, self.cameras.remove(id))
             }
         })
+    }
+
+    /// Changes an instance that is there.
+    fn change_instance(
+        &mut self,
+        id: InstanceId,
+        change: impl FnOnce(&mut Instance),
+    ) -> Result<Undo, EditError> {
+        let target = Target::Instance(id);
+        let instance = self.instances.get_mut(&id).ok_or(EditError::Unknown { target })?;
+        let before = instance.clone();
+        change(instance);
+        let transforms = [Some(instance.parent_from_object), instance.motion];
+        match transforms.iter().flatten().find_map(transform_problem) {
+            None => Ok(Undo::Instance(id, Some(before))),
+            Some(problem) => {
+                *instance = before;
+                Err(EditError::Invalid { target, problem })
+            }
+        }
     }
 
     fn revert_one(&mut self, step: Undo) {
@@ -391,7 +413,8 @@ impl Scene {
         order
     }
 
-    /// The box around all visible instances; `None` when nothing is visible.
+    /// The box around all visible instances, wherever they move while the shutter is open; `None` when nothing is
+    /// visible.
     pub fn bounds(&self) -> Option<SceneBounds> {
         let children = self.children();
         let mut boxes: BTreeMap<ObjectId, Option<SceneBounds>> = BTreeMap::new();
@@ -399,9 +422,11 @@ impl Scene {
             let mut bounds = None;
             for id in children.get(&parent).into_iter().flatten() {
                 let instance = &self.instances[id];
-                if let (true, Some(Some(inner))) = (instance.visible, boxes.get(&instance.object)) {
-                    corners(inner)
-                        .for_each(|c| grow(&mut bounds, instance.parent_from_object.transform_point3(c)));
+                let Some(Some(inner)) = boxes.get(&instance.object).filter(|_| instance.visible) else {
+                    continue;
+                };
+                for place in [Some(instance.parent_from_object), instance.motion].into_iter().flatten() {
+                    corners(inner).for_each(|c| grow(&mut bounds, place.transform_point3(c)));
                 }
             }
             bounds
@@ -410,7 +435,11 @@ impl Scene {
             let mut bounds = around(Some(id), &boxes);
             for part in &self.objects[&id].parts {
                 let Geometry::Mesh(mesh) = &self.geometries[&part.geometry];
-                mesh.positions.iter().filter(|p| p.is_finite()).for_each(|p| grow(&mut bounds, *p));
+                mesh.positions
+                    .iter()
+                    .chain(mesh.motion.iter())
+                    .filter(|p| p.is_finite())
+                    .for_each(|p| grow(&mut bounds, *p));
             }
             boxes.insert(id, bounds);
         }

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, Vec2, Vec3};
 use heliostat_scene::{
-    Camera, Edit, EditError, Geometry, GeometryId, Image, InstanceId, Light, LightId, LightKind, Material,
-    MaterialId, Mesh, ObjectId, Scene, SceneBuilder, Target, TextureId, TextureRef, UvTransform,
+    Camera, Clip, Edit, EditError, Geometry, GeometryId, Image, InstanceId, Light, LightId, LightKind,
+    Material, MaterialId, Mesh, Motion, ObjectId, Pose, Scene, SceneBuilder, Target, TextureId, TextureRef,
+    Timeline, UvTransform,
 };
 
 fn triangle() -> Mesh {
@@ -65,6 +66,7 @@ fn dangling_and_unknown_handles_are_named() {
         object,
         parent,
         parent_from_object: Affine3A::IDENTITY,
+        motion: None,
         visible: true,
     };
     let textured =
@@ -91,6 +93,7 @@ fn objects_cannot_contain_themselves() {
         object: ObjectId(1),
         parent: Some(ObjectId(0)),
         parent_from_object: Affine3A::IDENTITY,
+        motion: None,
         visible: true,
     };
     let error = refused(&[Edit::Instance(InstanceId(2), cycle)]);
@@ -169,4 +172,86 @@ fn look_at_is_orthonormal_even_when_up_is_along_the_view() {
         assert!((m.determinant() - 1.0).abs() < 1e-5, "right-handed");
         assert!(Vec3::from(-m.z_axis).distance(Vec3::Y) < 1e-6);
     }
+}
+
+#[derive(Debug)]
+struct Slide;
+
+impl Motion for Slide {
+    fn duration(&self) -> f64 {
+        4.0
+    }
+
+    fn sample(&self, time: f64, pose: &mut Pose) {
+        pose.instance(InstanceId(0), Affine3A::IDENTITY);
+        pose.instance(InstanceId(1), Affine3A::from_translation(Vec3::X * time as f32));
+        pose.show(InstanceId(1), time < 3.0);
+        let height = Vec3::Y * time.min(2.0) as f32;
+        let positions: Vec<_> = triangle().positions.iter().map(|&p| p + height).collect();
+        pose.mesh(GeometryId(0), Arc::new(Mesh { positions: positions.into(), ..triangle() }));
+    }
+}
+
+fn timeline() -> Timeline {
+    Timeline::new(vec![Clip { name: "slide".into(), frame_rate: None, motion: Arc::new(Slide) }])
+}
+
+#[test]
+fn a_timeline_sends_everything_once_and_then_what_changed() {
+    let mut timeline = timeline();
+    let mut scene = scene();
+    let first = timeline.edits_at(1.0);
+    assert_eq!(first.len(), 4, "two instances, one visibility, one mesh: {first:?}");
+    scene.apply(&first).expect("valid");
+    assert_eq!(scene.instances()[&InstanceId(1)].parent_from_object.translation.x, 1.0);
+    assert!(timeline.edits_at(1.0).is_empty());
+    let second = timeline.edits_at(2.0);
+    assert!(matches!(second[..], [Edit::MoveInstance(InstanceId(1), _), Edit::Geometry(GeometryId(0), _)]));
+    let third = timeline.edits_at(3.0);
+    assert!(
+        matches!(third[..], [Edit::MoveInstance(..), Edit::ShowInstance(InstanceId(1), false)]),
+        "the mesh rests from second 2 on: {third:?}"
+    );
+    scene.apply(&second).expect("valid");
+    scene.apply(&third).expect("valid");
+    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    assert_eq!(mesh.positions[0], Vec3::Y * 2.0);
+    assert!(scene.bounds().is_none(), "it is hidden");
+}
+
+#[test]
+fn an_open_shutter_makes_sweeps() {
+    let mut timeline = timeline();
+    let mut scene = scene();
+    scene.apply(&timeline.edits_over(1.0, 1.5)).expect("valid");
+    let moving = &scene.instances()[&InstanceId(1)];
+    assert_eq!(moving.motion, Some(Affine3A::from_translation(Vec3::X * 1.5)));
+    assert_eq!(scene.instances()[&InstanceId(0)].motion, None);
+    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    assert_eq!((mesh.positions[0].y, mesh.motion[0].y), (1.0, 1.5));
+    scene.apply(&timeline.edits_at(1.0)).expect("valid");
+    assert_eq!(
+        scene.instances()[&InstanceId(1)].motion,
+        None,
+        "a shutter that does not open stops everything"
+    );
+    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    assert!(mesh.motion.is_empty());
+}
+
+#[test]
+fn a_transform_that_is_not_finite_is_refused_wherever_it_stands() {
+    let broken = Affine3A::from_translation(Vec3::NAN);
+    let edits = [
+        Edit::MoveInstance(InstanceId(1), broken),
+        Edit::SweepInstance(InstanceId(1), Affine3A::IDENTITY, broken),
+    ];
+    for edit in edits {
+        assert!(matches!(
+            refused(&[edit]),
+            EditError::Invalid { target: Target::Instance(InstanceId(1)), .. }
+        ));
+    }
+    let missing = Edit::ShowInstance(InstanceId(9), true);
+    assert_eq!(refused(&[missing]), EditError::Unknown { target: Target::Instance(InstanceId(9)) });
 }

@@ -135,6 +135,7 @@ impl Loader<'_, '_> {
         let indices = self.triangles(primitive, path, mode, count)?;
         let Vertices { positions, normals, tangents } = vertices;
         Ok(Some(Mesh {
+            motion: [].into(),
             positions: positions.into(),
             indices: indices.into(),
             normals,

@@ -52,7 +52,7 @@ impl Loader<'_, '_> {
             );
         }
         let name = camera.name.as_deref().or(node).map_or_else(|| format!("camera {index}"), str::to_owned);
-        self.builder.camera(Camera { name, world_from_camera, projection, lens: None });
+        self.builder.camera(Camera { name, world_from_camera, motion: None, projection, lens: None });
         Ok(())
     }
 

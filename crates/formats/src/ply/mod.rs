@@ -98,6 +98,7 @@ fn read_body(
         vertices.normals = smooth_normals(&vertices.positions, &faces.triangles);
     }
     Ok(Mesh {
+        motion: [].into(),
         positions: vertices.positions.into(),
         indices: faces.triangles.into(),
         normals: vertices.normals,
