@@ -54,7 +54,7 @@ fn ask(object: Object, bytes: &mut Bytes<'_>, triangles: usize) {
     let mut rays = Vec::new();
     for i in 0..40 {
         let from = if i % 2 == 0 { origin } else { bytes.vector() };
-        let ray = Ray { origin: from, t_min: bytes.float(), direction: bytes.vector(), t_max: bytes.float() };
+        let ray = Ray { origin: from, t_min: bytes.float(), direction: bytes.vector(), t_max: bytes.float(), time: 0.0 };
         tile.push_interval(ray.direction, ray.t_min, ray.t_max);
         rays.push(ray);
     }

@@ -293,7 +293,7 @@ impl Compiled {
             let instance = &scene.instances()[id];
             let object = self.objects[&instance.object].object.clone();
             let parent_from_object = instance.parent_from_object;
-            let placed = kernel::Instance { object, parent_from_object, id: id.0 };
+            let placed = kernel::Instance { object, parent_from_object, motion: None, id: id.0 };
             if !instance.visible {
                 continue;
             }
@@ -410,7 +410,11 @@ impl BuiltObject {
             .iter()
             .map(|&geometry| {
                 let mesh = mesh_of(scene, geometry);
-                kernel::Mesh { positions: mesh.positions.clone(), indices: mesh.indices.clone() }
+                kernel::Mesh {
+                    positions: mesh.positions.clone(),
+                    indices: mesh.indices.clone(),
+                    motion: None,
+                }
             })
             .collect();
         let count: u64 = meshes.iter().map(|mesh| mesh.indices.len() as u64).sum();

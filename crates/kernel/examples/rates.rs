@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let plain = Arc::new(Object::new(Some(tree), Vec::new())?);
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::new(1.0, 0.0, 2.0));
-    let instance = Instance { object: plain.clone(), parent_from_object: turned, id: 0 };
+    let instance = Instance { object: plain.clone(), parent_from_object: turned, motion: None, id: 0 };
     let placed = Arc::new(Object::new(None, vec![instance])?);
 
     let names: Vec<String> = std::env::args().skip(1).collect();

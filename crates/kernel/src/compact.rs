@@ -172,7 +172,7 @@ impl CompactBlock {
             if id & Self::HIDDEN == 0 {
                 block.triangle[lane] = id;
                 let (mesh, triangle) = locate(starts, id);
-                let Mesh { positions, indices } = &meshes[mesh];
+                let Mesh { positions, indices, .. } = &meshes[mesh];
                 for (corner, index) in corners.iter_mut().zip(indices[triangle]) {
                     corner[lane] = positions[index as usize];
                 }

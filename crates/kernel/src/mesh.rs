@@ -12,13 +12,16 @@ pub struct Mesh {
     pub positions: Arc<[Vec3]>,
     /// Three vertex indices per triangle, counter-clockwise as seen from the front.
     pub indices: Arc<[[u32; 3]]>,
+    /// Vertex positions when the shutter closes, object space, as many as `positions`, which then hold those when it
+    /// opens; in between each vertex moves along a line at constant speed. `None`: nothing moves.
+    pub motion: Option<Arc<[Vec3]>>,
 }
 
 impl Mesh {
-    /// A mesh of the given arrays; nothing is checked until a tree is built over it.
+    /// A mesh of the given arrays that does not move; nothing is checked until a tree is built over it.
     #[must_use]
     pub fn new(positions: impl Into<Arc<[Vec3]>>, indices: impl Into<Arc<[[u32; 3]]>>) -> Self {
-        Self { positions: positions.into(), indices: indices.into() }
+        Self { positions: positions.into(), indices: indices.into(), motion: None }
     }
 
     /// The three corners of triangle `index`, or `None` if it or one of its vertices does not exist.

@@ -29,6 +29,9 @@ pub struct Instance {
     pub object: Arc<Object>,
     /// The placement: any invertible affine map, mirrored, sheared or scaled as it may be.
     pub parent_from_object: Affine3A,
+    /// The placement when the shutter closes; `parent_from_object` is then the one when it opens, and in between the
+    /// entries of the matrix are interpolated linearly. `None`: it does not move.
+    pub motion: Option<Affine3A>,
     /// The caller's tag, handed back by [`World::resolve`](crate::World::resolve).
     pub id: u32,
 }

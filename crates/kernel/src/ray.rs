@@ -6,7 +6,8 @@ use glam::Vec3;
 /// Space: that of the [`World`](crate::World) asked. `t` is measured in lengths of `direction`, which need not
 /// be a unit vector. A negative `t_min` counts as zero. A ray with a NaN or infinite origin or direction, a zero
 /// direction, or a NaN interval hits nothing; neither does one that starts beyond ±1e10 or whose direction's largest
-/// component lies outside 1e-12..=1e12, where single-precision products would overflow or vanish.
+/// component lies outside 1e-12..=1e12, where single-precision products would overflow or vanish. A time outside 0..=1
+/// is moved to the nearer end; NaN counts as 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Start point.
@@ -17,19 +18,27 @@ pub struct Ray {
     pub direction: Vec3,
     /// Largest parameter, excluded; may be infinite.
     pub t_max: f32,
+    /// The moment in the shutter interval at which the ray sees the world: 0 when the shutter opens, 1 when it closes.
+    pub time: f32,
 }
 
 impl Ray {
-    /// A ray over `0 < t < ∞`.
+    /// A ray over `0 < t < ∞`, at time 0.
     #[must_use]
     pub const fn new(origin: Vec3, direction: Vec3) -> Self {
-        Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+        Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY, time: 0.0 }
     }
 
-    /// The ray over the open segment from `from` to `to`: `t` runs from 0 to 1.
+    /// The ray over the open segment from `from` to `to`: `t` runs from 0 to 1; at time 0.
     #[must_use]
     pub fn segment(from: Vec3, to: Vec3) -> Self {
-        Self { origin: from, t_min: 0.0, direction: to - from, t_max: 1.0 }
+        Self { origin: from, t_min: 0.0, direction: to - from, t_max: 1.0, time: 0.0 }
+    }
+
+    /// The same ray at another moment in the shutter interval, 0 to 1.
+    #[must_use]
+    pub const fn at_time(self, time: f32) -> Self {
+        Self { time, ..self }
     }
 
     /// The point `origin + t · direction`.

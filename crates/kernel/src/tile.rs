@@ -96,6 +96,7 @@ impl Tile {
                 self.direction[2][index],
             ),
             t_max: self.t_max[index],
+            time: 0.0,
         })
     }
 }

@@ -25,7 +25,7 @@ fn placement(rng: &mut Rng, kind: usize) -> Affine3A {
 }
 
 fn instance(object: &Arc<Object>, parent_from_object: Affine3A, id: u32) -> Instance {
-    Instance { object: Arc::clone(object), parent_from_object, id }
+    Instance { object: Arc::clone(object), parent_from_object, motion: None, id }
 }
 
 /// Accelerators of outer and inner objects: of one kind, and mixed.

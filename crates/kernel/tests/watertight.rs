@@ -180,7 +180,7 @@ fn placed_solids_hold_rays() {
         inner_points(&mut rng, 4, 1.0, Vec3::ZERO).into_iter().map(|p| place.transform_point3(p)).collect();
     for object in ACCELERATORS {
         let inner = object(std::slice::from_ref(&mesh));
-        let placed = vec![Instance { object: inner, parent_from_object: place, id: 9 }];
+        let placed = vec![Instance { object: inner, parent_from_object: place, motion: None, id: 9 }];
         assert_no_leak_in(&Arc::new(Object::new(None, placed).expect("valid")), &origins, &targets);
     }
 }

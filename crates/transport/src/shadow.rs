@@ -29,7 +29,7 @@ pub(crate) struct ShadowBatch {
 impl ShadowBatch {
     /// Adds a ray from `origin` over `distance` along the unit vector `direction`.
     pub(crate) fn push(&mut self, origin: Vec3, direction: Vec3, distance: f32, light: PendingLight) {
-        self.rays.push(Ray { origin, t_min: 0.0, direction, t_max: distance });
+        self.rays.push(Ray { origin, t_min: 0.0, direction, t_max: distance, time: 0.0 });
         self.lights.push(light);
     }
 

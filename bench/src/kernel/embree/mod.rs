@@ -208,7 +208,7 @@ impl Packets {
 /// The same segment from its far end; the gap before the far end comes first then.
 fn reverse(ray: &Ray) -> Ray {
     let origin = ray.origin + ray.direction;
-    Ray { origin, t_min: 1.0 - ray.t_max, direction: -ray.direction, t_max: 1.0 }
+    Ray { origin, t_min: 1.0 - ray.t_max, direction: -ray.direction, t_max: 1.0, ..*ray }
 }
 
 /// Whether a set's rays can be reversed: all end at a point.

@@ -27,7 +27,7 @@ pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, Bui
     }
     let mut starts = Vec::with_capacity(meshes.len() + 1);
     let mut next = 0;
-    for (mesh, Mesh { positions, indices }) in meshes.iter().enumerate() {
+    for (mesh, Mesh { positions, indices, .. }) in meshes.iter().enumerate() {
         let vertices = positions.len();
         let bad = |index: &u32| *index as usize >= vertices;
         let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
@@ -53,7 +53,7 @@ pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<P
     watch.expect(count as u64);
     let mut prims = Vec::with_capacity(count);
     let skipped = AtomicBool::new(false);
-    for (Mesh { positions, indices }, &start) in meshes.iter().zip(starts) {
+    for (Mesh { positions, indices, .. }, &start) in meshes.iter().zip(starts) {
         // Nearly always all vertices are good, and triangles need no test of their own.
         let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || chunk.iter().all(usable));
         let one = |(i, triangle): (usize, &[u32; 3])| {
@@ -110,7 +110,7 @@ pub(crate) fn double_area_vector(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
 /// The corners of a triangle by its running number.
 pub(crate) fn corners(meshes: &[Mesh], starts: &[u32], id: u32) -> [Vec3; 3] {
     let (mesh, triangle) = locate(starts, id);
-    let Mesh { positions, indices } = &meshes[mesh];
+    let Mesh { positions, indices, .. } = &meshes[mesh];
     indices[triangle].map(|index| positions[index as usize])
 }
 
