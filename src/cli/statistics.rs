@@ -32,12 +32,11 @@ struct Content {
 impl Statistics {
     pub(super) fn of(scene: &Scene) -> Self {
         let meshes = || scene.geometries().values().map(|Geometry::Mesh(mesh)| mesh);
-        let children = scene.children();
         let mut contents: BTreeMap<ObjectId, Content> = BTreeMap::new();
         let placed = |parent: Option<ObjectId>, contents: &BTreeMap<ObjectId, Content>| {
             let mut sum = Content::default();
-            for id in children.get(&parent).into_iter().flatten() {
-                let instance = &scene.instances()[id];
+            for id in scene.placed_in(parent) {
+                let instance = &scene.instances()[&id];
                 let inner = contents.get(&instance.object).copied().unwrap_or_default();
                 if instance.visible {
                     sum.triangles = sum.triangles.saturating_add(inner.triangles);

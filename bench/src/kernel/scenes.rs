@@ -1,13 +1,12 @@
 //! The scenes that are measured, flattened to one mesh in world space, with a view and sometimes a light.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use heliostat::formats::{Limits, load};
 use heliostat::framing::frame_scene;
 use heliostat::kernel::glam::{Affine3A, Vec3};
 use heliostat::kernel::{Mesh, World};
-use heliostat::scene::{Camera, Geometry, InstanceId, ObjectId, Projection, Scene, SceneBounds};
+use heliostat::scene::{Camera, Geometry, ObjectId, Projection, Scene, SceneBounds};
 
 /// Vertical field of view of views placed by hand, degrees.
 const FOV: f32 = 45.0;
@@ -186,19 +185,18 @@ impl Collected {
     fn add_edits(&mut self, edits: &[heliostat::scene::Edit]) -> Result<Option<Camera>, String> {
         let mut scene = Scene::default();
         scene.apply(edits).map_err(|e| e.to_string())?;
-        self.add_children(&scene, &scene.children(), None, Affine3A::IDENTITY)?;
+        self.add_children(&scene, None, Affine3A::IDENTITY)?;
         Ok(scene.cameras().values().next().cloned())
     }
 
     fn add_children(
         &mut self,
         scene: &Scene,
-        children: &BTreeMap<Option<ObjectId>, Vec<InstanceId>>,
         parent: Option<ObjectId>,
         world_from_parent: Affine3A,
     ) -> Result<(), String> {
-        for id in children.get(&parent).into_iter().flatten() {
-            let instance = &scene.instances()[id];
+        for id in scene.placed_in(parent) {
+            let instance = &scene.instances()[&id];
             if !instance.visible {
                 continue;
             }
@@ -212,7 +210,7 @@ impl Collected {
                 self.positions.extend(placed);
                 self.indices.extend(mesh.indices.iter().map(|t| t.map(|i| i + first)));
             }
-            self.add_children(scene, children, Some(instance.object), world_from_object)?;
+            self.add_children(scene, Some(instance.object), world_from_object)?;
         }
         Ok(())
     }

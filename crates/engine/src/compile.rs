@@ -209,7 +209,7 @@ impl Compiled {
         report: &mut ApplyReport,
     ) -> Result<(), BackendError> {
         let order = scene.bottom_up();
-        let children = scene.children();
+        let children = |parent| scene.placed_in(parent).collect::<Vec<_>>();
         let triangles = |id: &ObjectId| -> u64 {
             scene.objects()[id]
                 .parts
@@ -225,7 +225,7 @@ impl Compiled {
             if progress.is_cancelled() {
                 return Err(BackendError::Cancelled);
             }
-            let placed = children.get(&Some(id)).map_or(&[][..], Vec::as_slice);
+            let placed = &children(Some(id))[..];
             let triangle_cause = self.triangle_cause(scene, dirty, id);
             let instance_cause = instance_cause(scene, dirty, &rebuilt, Some(id), placed);
             if triangle_cause.is_none() && instance_cause.is_none() {
@@ -255,7 +255,7 @@ impl Compiled {
             rebuilt.insert(id, cause);
             self.objects.insert(id, built);
         }
-        let placed = children.get(&None).map_or(&[][..], Vec::as_slice);
+        let placed = &children(None)[..];
         if let Some((cause, reason)) = instance_cause(scene, dirty, &rebuilt, None, placed) {
             let start = Instant::now();
             let instances = self.kernel_instances(scene, placed, report);

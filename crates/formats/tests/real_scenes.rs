@@ -44,11 +44,9 @@ fn applied(path: &Path) -> (Loaded, Scene) {
 
 /// Triangles that the scene shows: those of each object as often as it is instanced.
 fn shown_triangles(scene: &Scene) -> usize {
-    let children = scene.children();
     let mut below: BTreeMap<ObjectId, usize> = BTreeMap::new();
     let sum = |parent: Option<ObjectId>, below: &BTreeMap<ObjectId, usize>| -> usize {
-        let ids = children.get(&parent).into_iter().flatten();
-        ids.map(|id| below[&scene.instances()[id].object]).sum()
+        scene.placed_in(parent).map(|id| below[&scene.instances()[&id].object]).sum()
     };
     for id in scene.bottom_up() {
         let own = scene.objects()[&id].parts.iter().map(|part| {

@@ -24,9 +24,11 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod apply;
 mod backend;
 mod builder;
 mod camera;
+mod check;
 mod edit;
 mod frame;
 mod geometry;
@@ -38,6 +40,7 @@ mod scene;
 mod texture;
 mod timeline;
 
+pub use apply::Applied;
 pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection};
@@ -48,6 +51,6 @@ pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId
 pub use light::{Environment, EnvironmentMap, Light, LightKind};
 pub use material::{AlphaMode, Clearcoat, Material, TextureRef, UvTransform, Volume};
 pub use object::{Instance, Object, Part};
-pub use scene::{Applied, Scene, SceneBounds};
+pub use scene::{Scene, SceneBounds};
 pub use texture::{ColorSpace, Image, Pixels, Texture, Wrap};
 pub use timeline::{Clip, Motion, Pose, Timeline};
