@@ -136,7 +136,7 @@ fn steps_above(origin: f32, step: f32, bound: f32) -> u8 {
 pub(crate) struct CompactBlock([u32; WIDTH]);
 
 /// Blocks that name triangles of meshes which they share.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct CompactBlocks {
     pub blocks: Vec<CompactBlock>,
     pub meshes: Vec<Mesh>,

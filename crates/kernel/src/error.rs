@@ -93,6 +93,22 @@ pub enum BuildError {
         /// Triangles given.
         given: usize,
     },
+    /// An update of an instance that the object does not have.
+    #[error("change {change}: there is no instance {instance} (the object has {count})")]
+    NoSuchInstance {
+        /// Index of the change in the list given.
+        change: usize,
+        /// The instance named.
+        instance: usize,
+        /// Number of instances of the object.
+        count: usize,
+    },
+    /// An update whose changes do not name their instances in rising order, each once.
+    #[error("change {change}: instances must be named in rising order, each once; sort the changes")]
+    UnorderedChanges {
+        /// Index of the first change that is out of order.
+        change: usize,
+    },
     /// The caller stopped the build.
     #[error("the build was cancelled")]
     Cancelled,

@@ -34,7 +34,7 @@ pub use glam;
 pub use isa::Isa;
 pub use kdtree::{KdNode, KdNodeKind, KdOptions, KdSplit, KdStats, KdTree};
 pub use mesh::Mesh;
-pub use object::{Instance, MAX_INSTANCE_DEPTH, Object};
+pub use object::{Instance, InstanceChange, MAX_INSTANCE_DEPTH, Object, Update, UpdateKind};
 pub use oracle::{NearHit, Oracle};
 pub use query::RayQuery;
 pub use ray::{Hit, PathId, Ray};

@@ -10,7 +10,9 @@ use crate::{
     build::{
         self, BuildOptions, Builder, Layout, TreeStats,
         binary::LeafRule,
-        binned, morton, refit, spatial, triangles,
+        binned, morton,
+        refit::{self, BlockLeaves},
+        spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
@@ -28,7 +30,7 @@ pub(crate) const MAX_COORDINATE: f32 = 1.0e10;
 /// In the full layout the tree keeps its own copy of the vertices (in blocks of 8 triangles), so the meshes may be
 /// dropped; in the compact one it shares their arrays.
 /// Building the same meshes gives the same bits for any number of threads.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct TriangleBvh {
     pub(crate) tree: WideTree,
     /// All blocks in the full layout; none in the compact one.
@@ -164,12 +166,16 @@ impl TriangleBvh {
         let level = build::level();
         let bounds = if self.tree.compact.is_empty() {
             let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
-            refit::nodes(level, &mut self.tree, &blocks, self.block_cost)
+            refit::nodes(level, &mut self.tree, &BlockLeaves { blocks: &blocks, block_cost: self.block_cost })
         } else {
             let blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
             self.compact.meshes = meshes.to_vec();
             self.tree.expand();
-            let bounds = refit::nodes(level, &mut self.tree, &blocks, self.block_cost);
+            let bounds = refit::nodes(
+                level,
+                &mut self.tree,
+                &BlockLeaves { blocks: &blocks, block_cost: self.block_cost },
+            );
             self.tree.compress();
             bounds
         };

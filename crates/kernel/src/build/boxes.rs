@@ -10,6 +10,12 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedBox(pub [f32; 8]);
 
+impl Default for PackedBox {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl PackedBox {
     /// The neutral element of the union.
     pub(crate) const EMPTY: Self = Self([f32::INFINITY; 8]);

@@ -126,8 +126,36 @@ fn edges<S: Simd>(simd: S, block: &Block, corner: usize) -> [f32x8<S>; 3] {
     [x[corner] - x[0], y[corner] - y[0], z[corner] - z[0]]
 }
 
-/// New boxes for all nodes, from those of the blocks; the bounds of the whole.
-pub(crate) fn nodes(level: Level, tree: &mut WideTree, blocks: &[PackedBox], block_cost: f32) -> PackedBox {
+/// What leaves come to.
+pub(crate) trait Leaves: Sync {
+    /// The box of a leaf, and what it costs beside a node visit.
+    fn bounds_and_cost(&self, leaf: Child) -> (PackedBox, f32);
+}
+
+/// Leaves of blocks.
+pub(crate) struct BlockLeaves<'a> {
+    /// The boxes of all blocks.
+    pub blocks: &'a [PackedBox],
+    /// What a block test costs beside a node visit.
+    pub block_cost: f32,
+}
+
+impl Leaves for BlockLeaves<'_> {
+    #[inline(always)]
+    fn bounds_and_cost(&self, leaf: Child) -> (PackedBox, f32) {
+        let (first, end) = leaf.block_range();
+        let bounds = self.blocks[first..end].iter().fold(PackedBox::EMPTY, |all, block| all.union(block));
+        (bounds, (end - first) as f32 * self.block_cost)
+    }
+}
+
+/// The largest coordinate magnitude per axis in a box; zero in an empty one.
+pub(crate) fn extent(bounds: &PackedBox) -> [f32; 3] {
+    if bounds.is_empty() { [0.0; 3] } else { bounds.lo().abs().max(bounds.hi().abs()).to_array() }
+}
+
+/// New boxes for all nodes, from those of the leaves; the bounds of the whole.
+pub(crate) fn nodes(level: Level, tree: &mut WideTree, leaves: &impl Leaves) -> PackedBox {
     // The parts below the top refer to nothing but themselves and blocks.
     let mut parts = Vec::with_capacity(tree.parts.len());
     let mut rest = &mut tree.nodes[..];
@@ -139,16 +167,15 @@ pub(crate) fn nodes(level: Level, tree: &mut WideTree, blocks: &[PackedBox], blo
     let mut parts = parts.into_iter();
     let Some(top) = parts.next() else { return PackedBox::EMPTY };
     let below: Vec<Refit> =
-        parts.collect::<Vec<_>>().into_par_iter().map(|part| part.refit(level, blocks, block_cost)).collect();
+        parts.collect::<Vec<_>>().into_par_iter().map(|part| part.refit(level, leaves)).collect();
     let roots: Vec<(u32, PackedBox)> =
         tree.parts.iter().skip(1).copied().zip(below.iter().map(|part| part.bounds)).collect();
-    let top = Part { roots: &roots, ..top }.refit(level, blocks, block_cost);
+    let top = Part { roots: &roots, ..top }.refit(level, leaves);
     let bounds = top.bounds;
     let area = f64::from(bounds.half_area());
     let cost: f64 = top.cost + below.iter().map(|part| part.cost).sum::<f64>();
     tree.sah = if area > 0.0 && area.is_finite() { (cost / area) as f32 } else { 0.0 };
-    tree.extent =
-        if bounds.is_empty() { [0.0; 3] } else { bounds.lo().abs().max(bounds.hi().abs()).to_array() };
+    tree.extent = extent(&bounds);
     bounds
 }
 
@@ -169,12 +196,12 @@ struct Refit {
 }
 
 impl Part<'_> {
-    fn refit(self, level: Level, blocks: &[PackedBox], block_cost: f32) -> Refit {
-        dispatch!(level, simd => self.refit_simd(simd, blocks, block_cost))
+    fn refit(self, level: Level, leaves: &impl Leaves) -> Refit {
+        dispatch!(level, simd => self.refit_simd(simd, leaves))
     }
 
     #[inline(always)]
-    fn refit_simd<S: Simd>(self, simd: S, blocks: &[PackedBox], block_cost: f32) -> Refit {
+    fn refit_simd<S: Simd>(self, simd: S, leaves: &impl Leaves) -> Refit {
         let mut bounds = vec![PackedBox::EMPTY; self.nodes.len()];
         let mut cost = 0.0;
         for index in (0..self.nodes.len()).rev() {
@@ -188,11 +215,9 @@ impl Part<'_> {
                 }
                 count += 1;
                 let child_box = if child.is_leaf() {
-                    let (first, end) = child.block_range();
-                    let leaf =
-                        blocks[first..end].iter().fold(PackedBox::EMPTY, |all, block| all.union(block));
+                    let (leaf, leaf_cost) = leaves.bounds_and_cost(child);
                     if !leaf.is_empty() {
-                        cost += f64::from(leaf.half_area() * (end - first) as f32 * block_cost);
+                        cost += f64::from(leaf.half_area() * leaf_cost);
                     }
                     leaf
                 } else {

@@ -297,7 +297,7 @@ fn plan_node(area: f32, left: &Costs, right: &Costs) -> (Plan, Costs) {
 
 /// Stores a child's box. An empty one must stay finite, as [`Node::EMPTY`] says.
 #[inline(always)]
-pub(super) fn set_bounds(node: &mut Node, lane: usize, child: &PackedBox) {
+pub(crate) fn set_bounds(node: &mut Node, lane: usize, child: &PackedBox) {
     if child.is_empty() {
         for (row, nowhere) in node.bounds.iter_mut().zip(&Node::EMPTY.bounds) {
             row[lane] = nowhere[lane];
@@ -347,7 +347,7 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
 
 /// For each sign octant the lanes from near to far, by the centre's distance along the octant's diagonal.
 #[inline(always)]
-pub(super) fn child_order<S: Simd>(simd: S, node: &Node, count: usize) -> [u32; WIDTH] {
+pub(crate) fn child_order<S: Simd>(simd: S, node: &Node, count: usize) -> [u32; WIDTH] {
     let [x, y, z] =
         [doubled_centers(simd, node, 0), doubled_centers(simd, node, 1), doubled_centers(simd, node, 2)];
     let lanes = i32x8::load_array(simd, [0, 1, 2, 3, 4, 5, 6, 7]);

@@ -29,7 +29,7 @@ pub(super) fn closest<S: Simd>(
         *hit = nearest;
         found = true;
     }
-    if !object.instance_tree.nodes.is_empty() {
+    if !object.instance_tree.wide.nodes.is_empty() {
         found |= closest_instance(simd, object, ray, path, hit, stack);
     }
     found
@@ -70,8 +70,8 @@ fn closest_instance<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let nodes = &object.instance_tree.nodes[..];
-    let slab = Slab::new(simd, ray, object.instance_tree.extent);
+    let nodes = &object.instance_tree.wide.nodes[..];
+    let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
     let mark = stack.mark();
     let mut found = false;
     let mut current = Child::inner(0);
@@ -143,13 +143,13 @@ pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32,
     if met {
         return true;
     }
-    !object.instance_tree.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)
+    !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)
 }
 
 #[inline(always)]
 fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
-    let nodes = &object.instance_tree.nodes[..];
-    let slab = Slab::new(simd, ray, object.instance_tree.extent);
+    let nodes = &object.instance_tree.wide.nodes[..];
+    let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
     let limit = f32x8::splat(simd, t_max);
     let mark = stack.mark();
     let mut current = Child::inner(0);

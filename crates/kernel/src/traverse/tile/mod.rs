@@ -312,7 +312,7 @@ fn one_face<S: Simd, const ANY: bool>(
         Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
         _ => {}
     }
-    if !object.instance_tree.nodes.is_empty() {
+    if !object.instance_tree.wide.nodes.is_empty() {
         nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
     }
 }
@@ -362,12 +362,18 @@ fn nested<S: Simd, const ANY: bool>(
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.extent, work);
+    let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.wide.extent, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit::ROOT);
-    while let Some(visit) =
-        next_leaf(simd, &object.instance_tree, &object.instances[..], &frame, work, &mut scratch.visits, mark)
-    {
+    while let Some(visit) = next_leaf(
+        simd,
+        &object.instance_tree.wide,
+        &object.instances[..],
+        &frame,
+        work,
+        &mut scratch.visits,
+        mark,
+    ) {
         let placed = &object.instances[visit.child.payload() as usize];
         let (mask, wanted) = rays_in_box(simd, work, visit.mask, &visit.range, frame.slack);
         if mask == 0 {
