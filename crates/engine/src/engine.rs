@@ -12,7 +12,7 @@ use heliostat_scene::{
 use heliostat_shading::{CameraRays, PixelFilter};
 use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
 
-use crate::compile::Compiled;
+use crate::compile::{Compiled, Refused};
 use crate::film::Film;
 
 /// Stack of a rendering thread: instances may nest 64 deep, and each level keeps a tile's worth of rays.
@@ -43,6 +43,7 @@ pub enum Accelerator {
 pub struct Engine {
     scene: Scene,
     compiled: Compiled,
+    accelerator: Accelerator,
     threads: NonZeroUsize,
     pool: rayon::ThreadPool,
 }
@@ -68,7 +69,8 @@ impl Engine {
             .thread_name(|i| format!("heliostat-build-{i}"))
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
-        Ok(Self { scene: Scene::default(), compiled: Compiled::new(options.accelerator), threads, pool })
+        let accelerator = options.accelerator;
+        Ok(Self { scene: Scene::default(), compiled: Compiled::new(accelerator), accelerator, threads, pool })
     }
 
     /// The scene as all edits so far have made it.
@@ -81,6 +83,20 @@ impl Engine {
         self.compiled.world()
     }
 
+    /// Compiles the whole scene anew, as after an update that a limit stopped half-way.
+    fn recompile(&mut self) -> Result<(), BackendError> {
+        let mut scene = Scene::default();
+        let edits = self.scene.to_edits();
+        let applied = scene.apply(&edits)?;
+        let mut compiled = Compiled::new(self.accelerator);
+        let result = self.pool.install(|| compiled.update(&scene, &edits, &applied, &Progress::new()));
+        self.compiled = compiled;
+        match result {
+            Ok(_) => Ok(()),
+            Err(Refused::Untouched(error) | Refused::Torn(error)) => Err(error),
+        }
+    }
+
     /// Renders all regions into a film; threads draw from one queue. Returns the number of rays.
     fn render_regions(
         &self,
@@ -91,7 +107,8 @@ impl Engine {
     ) -> Result<u64, BackendError> {
         let camera = CameraRays::new(&request.camera, request.width, request.height);
         let scene = self.compiled.shading(request.materials);
-        let view = View { query: self.compiled.world(), scene, camera: &camera };
+        let moving = request.camera.motion.is_some() || self.compiled.is_moving();
+        let view = View { query: self.compiled.world(), scene, camera: &camera, moving };
         let settings = Settings {
             samples: request.samples,
             max_depth: request.max_depth,
@@ -151,20 +168,24 @@ impl Engine {
 impl Backend for Engine {
     fn apply(&mut self, edits: &[Edit], progress: &Progress) -> Result<ApplyReport, BackendError> {
         let start = Instant::now();
-        let previous = self.compiled.clone();
         let applied = self.scene.apply(edits)?;
-        let result = self.pool.install(|| self.compiled.update(&self.scene, edits, progress));
-        match result {
+        let result = self.pool.install(|| self.compiled.update(&self.scene, edits, &applied, progress));
+        let error = match result {
             Ok(mut report) => {
                 report.milliseconds = start.elapsed().as_secs_f64() * 1e3;
-                Ok(report)
+                return Ok(report);
             }
-            Err(error) => {
+            Err(Refused::Untouched(error)) => {
                 self.scene.revert(applied);
-                self.compiled = previous;
-                Err(error)
+                error
             }
-        }
+            Err(Refused::Torn(error)) => {
+                self.scene.revert(applied);
+                self.recompile()?;
+                error
+            }
+        };
+        Err(error)
     }
 
     fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError> {

@@ -93,6 +93,11 @@ impl World {
         &self.root
     }
 
+    /// The root object, to be changed: in place where this world alone holds it, else in a copy.
+    pub fn root_mut(&mut self) -> &mut Object {
+        Arc::make_mut(&mut self.root)
+    }
+
     /// The box around everything, world space; empty for an empty world.
     #[must_use]
     pub fn bounds(&self) -> Aabb {

@@ -15,11 +15,12 @@ use crate::{
 pub struct Applied(Vec<Undo>);
 
 impl Applied {
-    /// For edit `index` of the list: the object (`None`: the world) that holds the instance which the edit moved or
-    /// showed. `None` for edits of other kinds. Spares callers a search for each.
+    /// For edit `index` of the list: the object (`None`: the world) that held the instance which the edit moved,
+    /// showed, replaced or removed. `None` for edits of other kinds and of new instances. Spares callers a search.
     pub fn holder(&self, index: usize) -> Option<Option<ObjectId>> {
-        match self.0.get(index) {
-            Some(Undo::Place { parent, .. }) => Some(*parent),
+        match self.0.get(index)? {
+            Undo::Place { parent, .. } => Some(*parent),
+            Undo::Instance(_, Some(before)) => Some(before.parent),
             _ => None,
         }
     }

@@ -43,10 +43,26 @@ pub struct Rebuilt {
     pub cause: Target,
     /// Why that edit needs it.
     pub reason: RebuildReason,
+    /// How much of it had to be made anew.
+    pub kind: RebuildKind,
     /// Primitives (triangles, instances, texels, …) that went in.
     pub primitives: u64,
     /// Wall time, milliseconds.
     pub milliseconds: f64,
+}
+
+/// How something was brought up to date.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum RebuildKind {
+    /// Made anew.
+    Built,
+    /// The structure was kept and its bounds were brought up to date. `cost` is what it costs to trace by the
+    /// surface area heuristic, relative to its cost when it was built.
+    Refitted {
+        /// 1 is as good as when built.
+        cost: f32,
+    },
 }
 
 /// Why something was rebuilt.

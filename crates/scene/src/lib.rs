@@ -41,7 +41,7 @@ mod texture;
 mod timeline;
 
 pub use apply::Applied;
-pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildReason, Rebuilt};
+pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection};
 pub use edit::{Edit, EditError, Target};

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::{
-    Camera, CameraId, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId, Material,
-    MaterialId, Object, ObjectId, Texture, TextureId,
+    Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
+    Material, MaterialId, Object, ObjectId, Texture, TextureId,
 };
 
 /// All data of a scene by handle. [`Scene::apply`] is the only way to change it, so references are always valid.
@@ -109,6 +109,19 @@ impl Scene {
     /// The instances that place an object, ordered by handle.
     pub fn placements_of(&self, object: ObjectId) -> impl Iterator<Item = InstanceId> {
         self.placements_of.get(&object).into_iter().flatten().copied()
+    }
+
+    /// The edits that make this scene from an empty one.
+    pub fn to_edits(&self) -> Vec<Edit> {
+        let mut edits = vec![Edit::Environment(self.environment.clone())];
+        edits.extend(self.geometries.iter().map(|(id, geometry)| Edit::Geometry(*id, geometry.clone())));
+        edits.extend(self.textures.iter().map(|(id, texture)| Edit::Texture(*id, texture.clone())));
+        edits.extend(self.materials.iter().map(|(id, material)| Edit::Material(*id, material.clone())));
+        edits.extend(self.objects.iter().map(|(id, object)| Edit::Object(*id, object.clone())));
+        edits.extend(self.instances.iter().map(|(id, instance)| Edit::Instance(*id, instance.clone())));
+        edits.extend(self.lights.iter().map(|(id, light)| Edit::Light(*id, light.clone())));
+        edits.extend(self.cameras.iter().map(|(id, camera)| Edit::Camera(*id, camera.clone())));
+        edits
     }
 
     /// All objects, each after everything that is placed in it.

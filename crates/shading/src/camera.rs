@@ -2,10 +2,11 @@
 
 use std::f32::consts::{PI, TAU};
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Mat3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Projection};
 
 use crate::sampling::concentric_disk;
+use crate::surface::mix;
 
 /// A camera made ready for one picture size.
 #[derive(Clone, Debug)]
@@ -49,20 +50,14 @@ impl Cone {
 impl CameraRays {
     /// For a picture of `width` × `height` pixels.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
-        // Scale would distort directions: only the camera's orientation and place count.
-        let place = camera.world_from_camera;
-        let back = Vec3::from(place.matrix3.z_axis).normalize_or(Vec3::Z);
-        let right = Vec3::from(place.matrix3.y_axis).cross(back).try_normalize();
-        let right = right.unwrap_or_else(|| back.any_orthonormal_vector());
-        let axes = glam::Mat3A::from_cols(right.into(), back.cross(right).into(), back.into());
         Self {
-            camera: camera.clone(),
             size: Vec2::new(width as f32, height as f32),
-            world_from_camera: Affine3A { matrix3: axes, translation: place.translation },
+            world_from_camera: rigid(&camera.world_from_camera),
+            camera: camera.clone(),
         }
     }
 
-    /// The point all rays start from, if there is one.
+    /// The point all rays start from when the shutter opens, if there is one.
     pub fn common_origin(&self) -> Option<Vec3> {
         let orthographic = matches!(self.camera.projection, Projection::Orthographic { .. });
         (!orthographic && self.lens_radius() == 0.0).then(|| self.world_from_camera.translation.into())
@@ -72,8 +67,9 @@ impl CameraRays {
         self.camera.lens.map_or(0.0, |lens| lens.radius)
     }
 
-    /// The ray through a point of the picture (pixels, from the top left corner); `u_lens` picks a point on the lens.
-    pub fn ray(&self, pixel: Vec2, u_lens: Vec2) -> CameraRay {
+    /// The ray through a point of the picture (pixels, from the top left corner); `u_lens` picks a point on the lens;
+    /// `time` lies in [0, 1] of the shutter interval.
+    pub fn ray(&self, pixel: Vec2, u_lens: Vec2, time: f32) -> CameraRay {
         let ndc = (pixel - 0.5 * self.size) * Vec2::new(1.0, -1.0) / self.size.y;
         let (origin, direction, cone) = match self.camera.projection {
             Projection::Perspective { vertical_fov } => {
@@ -94,9 +90,13 @@ impl CameraRays {
             }
         };
         let (origin, direction) = self.through_lens(origin, direction, u_lens);
+        let world_from_camera = match (self.camera.motion, time > 0.0) {
+            (Some(end), true) => rigid(&mix(&self.camera.world_from_camera, &end, time)),
+            _ => self.world_from_camera,
+        };
         CameraRay {
-            origin: self.world_from_camera.transform_point3(origin),
-            direction: self.world_from_camera.transform_vector3(direction).normalize(),
+            origin: world_from_camera.transform_point3(origin),
+            direction: world_from_camera.transform_vector3(direction).normalize(),
             cone,
         }
     }
@@ -121,6 +121,15 @@ impl CameraRays {
     }
 }
 
+/// The orientation and place of a transform: scale would distort directions.
+fn rigid(place: &Affine3A) -> Affine3A {
+    let back = Vec3::from(place.matrix3.z_axis).normalize_or(Vec3::Z);
+    let right = Vec3::from(place.matrix3.y_axis).cross(back).try_normalize();
+    let right = right.unwrap_or_else(|| back.any_orthonormal_vector());
+    let axes = Mat3A::from_cols(right.into(), back.cross(right).into(), back.into());
+    Affine3A { matrix3: axes, translation: place.translation }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,11 +146,14 @@ mod tests {
     #[test]
     fn perspective_spans_the_vertical_field_of_view() {
         let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, None);
-        let top = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO).direction;
-        let bottom = rays.ray(Vec2::new(100.0, 100.0), Vec2::ZERO).direction;
+        let top = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO, 0.0).direction;
+        let bottom = rays.ray(Vec2::new(100.0, 100.0), Vec2::ZERO, 0.0).direction;
         assert!((top.angle_between(bottom) - 1.0).abs() < 1e-5);
         assert!(top.y > 0.0, "row 0 is up");
-        assert!(rays.ray(Vec2::new(200.0, 50.0), Vec2::ZERO).direction.x > 0.0, "columns run to the right");
+        assert!(
+            rays.ray(Vec2::new(200.0, 50.0), Vec2::ZERO, 0.0).direction.x > 0.0,
+            "columns run to the right"
+        );
         assert_eq!(rays.common_origin(), Some(Vec3::new(1.0, 2.0, 3.0)));
     }
 
@@ -151,7 +163,7 @@ mod tests {
         let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, Some(lens));
         assert_eq!(rays.common_origin(), None);
         let at_focus = |u: Vec2| {
-            let ray = rays.ray(Vec2::new(30.0, 80.0), u);
+            let ray = rays.ray(Vec2::new(30.0, 80.0), u, 0.0);
             ray.origin + ray.direction * ((ray.origin.z - 1.0) / -ray.direction.z)
         };
         let spread = at_focus(Vec2::new(0.9, 0.1)).distance(at_focus(Vec2::new(0.2, 0.6)));
@@ -161,14 +173,14 @@ mod tests {
     #[test]
     fn orthographic_and_panoramic() {
         let rays = camera(Projection::Orthographic { height: 4.0 }, None);
-        let ray = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO);
+        let ray = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO, 0.0);
         assert!(
             ray.origin.distance(Vec3::new(1.0, 4.0, 3.0)) < 1e-5
                 && ray.direction.distance(Vec3::NEG_Z) < 1e-6
         );
         let rays = camera(Projection::Panoramic, None);
-        assert!(rays.ray(Vec2::new(100.0, 50.0), Vec2::ZERO).direction.distance(Vec3::NEG_Z) < 1e-6);
-        assert!(rays.ray(Vec2::new(150.0, 50.0), Vec2::ZERO).direction.distance(Vec3::X) < 1e-6);
-        assert!(rays.ray(Vec2::new(3.0, 0.0), Vec2::ZERO).direction.distance(Vec3::Y) < 1e-6);
+        assert!(rays.ray(Vec2::new(100.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::NEG_Z) < 1e-6);
+        assert!(rays.ray(Vec2::new(150.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::X) < 1e-6);
+        assert!(rays.ray(Vec2::new(3.0, 0.0), Vec2::ZERO, 0.0).direction.distance(Vec3::Y) < 1e-6);
     }
 }

@@ -11,9 +11,10 @@ use crate::sampling::{Discrete2d, uniform_sphere};
 use crate::texture::texel;
 
 /// The environment made ready for lookup and importance sampling.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub enum EnvironmentLight {
     /// Black.
+    #[default]
     None,
     /// The same radiance from everywhere.
     Constant(Vec3),

@@ -33,5 +33,5 @@ pub use light::{LightSample, Lights};
 pub use material::{InterfaceCache, SurfaceMaterial};
 pub use sampler::{Sampler, points};
 pub use scene::{EmitterPdf, ShadingScene};
-pub use surface::{Placement, ShadedPart, Surface, SurfaceQuery};
+pub use surface::{Placement, ShadedPart, Surface, SurfaceQuery, Sweep};
 pub use texture::MipMap;

@@ -14,7 +14,7 @@ use crate::sampling::{Discrete, uniform_triangle};
 use crate::surface::{Corners, Placement, ShadedPart};
 
 /// Every light of a scene: points, spots, directions, emissive parts of placements, the environment.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Lights {
     emitters: Vec<Emitter>,
     /// Chooses emitters half by power, half evenly.
@@ -57,21 +57,47 @@ pub struct LightSample {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tables<'a> {
     pub(crate) placements: &'a [Placement],
+    pub(crate) parts: &'a [Arc<[ShadedPart]>],
     pub(crate) materials: &'a [SurfaceMaterial],
 }
 
-impl Tables<'_> {
-    fn part(&self, placement: u32, part: u32) -> (&Placement, &ShadedPart, &SurfaceMaterial) {
+impl<'a> Tables<'a> {
+    pub(crate) fn part(
+        &self,
+        placement: u32,
+        part: u32,
+    ) -> (&'a Placement, &'a ShadedPart, &'a SurfaceMaterial) {
         let placement = &self.placements[placement as usize];
-        let part = &placement.parts[part as usize];
+        let part = &self.parts[placement.parts as usize][part as usize];
         (placement, part, &self.materials[part.material as usize])
+    }
+
+    /// All emissive parts, as (placement, part).
+    pub(crate) fn emissive(&self) -> Vec<(u32, u32)> {
+        let shines = |part: &ShadedPart| self.materials[part.material as usize].source().is_emissive();
+        // Most objects do not: ask each once.
+        let shining: Vec<Vec<u32>> = self
+            .parts
+            .iter()
+            .map(|parts| (0..).zip(parts.iter()).filter(|(_, part)| shines(part)).map(|(i, _)| i).collect())
+            .collect();
+        let of = |(index, placement): (u32, &Placement)| {
+            let parts = &shining[placement.parts as usize];
+            parts.iter().map(move |&part| (index, part)).collect::<Vec<_>>()
+        };
+        (0..)
+            .zip(self.placements)
+            .filter(|(_, p)| !shining[p.parts as usize].is_empty())
+            .flat_map(of)
+            .collect()
     }
 }
 
 impl Lights {
-    /// Collects all emitters. `bounds` sets the power of lights that are infinitely far away.
+    /// Collects all emitters: `lights`, the parts that `emissive` lists, the environment. `bounds` sets the power of lights that are infinitely far away.
     pub(crate) fn new<'a>(
         tables: Tables<'_>,
+        emissive: &[(u32, u32)],
         lights: impl Iterator<Item = &'a Light>,
         environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
@@ -85,23 +111,17 @@ impl Lights {
         }
         let mut areas = HashMap::new();
         let mut shared = HashMap::new();
-        for (index, placement) in (0_u32..).zip(tables.placements) {
-            for (part_index, part) in (0_u32..).zip(placement.parts.iter()) {
-                let material = &tables.materials[part.material as usize];
-                if !material.source().is_emissive() {
-                    continue;
-                }
-                let key = (part.geometry, part.material);
-                let triangles =
-                    shared.entry(key).or_insert_with(|| Arc::new(triangle_weights(part, material)));
-                // The cube root of the volume scale, squared, stands for the scale of areas.
-                let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
-                let sides = if material.source().double_sided { 2.0 } else { 1.0 };
-                areas.insert((index, part_index), emitters.len() as u32);
-                powers.push(triangles.total() * area_scale * sides * PI);
-                let triangles = triangles.clone();
-                emitters.push(Emitter::Area(AreaEmitter { placement: index, part: part_index, triangles }));
-            }
+        for &(index, part_index) in emissive {
+            let (placement, part, material) = tables.part(index, part_index);
+            let key = (part.geometry, part.material);
+            let triangles = shared.entry(key).or_insert_with(|| Arc::new(triangle_weights(part, material)));
+            // The cube root of the volume scale, squared, stands for the scale of areas.
+            let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
+            let sides = if material.source().double_sided { 2.0 } else { 1.0 };
+            areas.insert((index, part_index), emitters.len() as u32);
+            powers.push(triangles.total() * area_scale * sides * PI);
+            let triangles = triangles.clone();
+            emitters.push(Emitter::Area(AreaEmitter { placement: index, part: part_index, triangles }));
         }
         let environment_power = luminance(environment.mean()) * 4.0 * PI * cross_section;
         let environment_index = (environment_power > 0.0).then(|| {
@@ -159,18 +179,18 @@ impl Lights {
         }
     }
 
-    /// Samples light from one emitter at `position`. `None` when nothing arrives.
+    /// Samples light from one emitter at `position` and `time` in [0, 1] of the shutter interval. `None` when nothing arrives.
     pub(crate) fn sample(
         &self,
         tables: Tables<'_>,
         emitter: usize,
-        position: Vec3,
+        (position, time): (Vec3, f32),
         u: Vec2,
         u_triangle: f32,
     ) -> Option<LightSample> {
         match &self.emitters[emitter] {
             Emitter::Light(kind) => sample_light(kind, position),
-            Emitter::Area(area) => area.sample(tables, position, u, u_triangle),
+            Emitter::Area(area) => area.sample(tables, (position, time), u, u_triangle),
             Emitter::Environment => {
                 let (wi, radiance, pdf) = self.environment.sample(u)?;
                 Some(LightSample { wi, distance: f32::INFINITY, weight: radiance / pdf, pdf })
@@ -180,11 +200,19 @@ impl Lights {
 }
 
 impl AreaEmitter {
-    fn sample(&self, tables: Tables<'_>, position: Vec3, u: Vec2, u_triangle: f32) -> Option<LightSample> {
+    fn sample(
+        &self,
+        tables: Tables<'_>,
+        (position, time): (Vec3, f32),
+        u: Vec2,
+        u_triangle: f32,
+    ) -> Option<LightSample> {
         let (placement, part, material) = tables.part(self.placement, self.part);
+        let moved = placement.at(time);
+        let placement = moved.as_ref().unwrap_or(placement);
         let (primitive, probability, _) = self.triangles.sample(u_triangle)?;
         let uv = uniform_triangle(u);
-        let corners = Corners::new(&part.mesh, primitive as u32, uv);
+        let corners = Corners::new(&part.mesh, primitive as u32, uv, time);
         let (point, error) = corners.point(placement);
         let [a, b, c] = corners.world(&placement.world_from_object);
         let cross = (b - a).cross(c - a);
@@ -209,7 +237,7 @@ impl AreaEmitter {
 fn triangle_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
     let floor = 0.05 * luminance(material.mean_emission());
     Discrete::new((0..part.mesh.indices.len() as u32).map(|primitive| {
-        let corners = Corners::new(&part.mesh, primitive, Vec2::splat(1.0 / 3.0));
+        let corners = Corners::new(&part.mesh, primitive, Vec2::splat(1.0 / 3.0), 0.0);
         let [a, b, c] = corners.positions();
         let area = 0.5 * (b - a).cross(c - a).length();
         let at = corners.coordinates(material, (2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());

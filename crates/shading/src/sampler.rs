@@ -37,6 +37,11 @@ impl Sampler {
         std::array::from_fn(|i| unit_float(hash(key.wrapping_add(i as u32))))
     }
 
+    /// A time in [0, 1) of the shutter interval, stratified over a pixel's samples by a scramble of its own.
+    pub fn time(&self) -> f32 {
+        sobol_burley::sample(self.sample, 0, hash(self.seed ^ 0x7469_6d65))
+    }
+
     /// A number in [0, 1) outside the sequence, for decisions that are rare and need no stratification.
     pub fn random(&self, key: u32) -> f32 {
         unit_float(hash(self.seed ^ hash(self.sample ^ hash(key ^ 0x9e37_79b9))))

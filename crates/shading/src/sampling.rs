@@ -52,7 +52,7 @@ pub fn uniform_triangle(u: Vec2) -> Vec2 {
 }
 
 /// A discrete distribution over `0..len`, sampled by inversion.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Discrete {
     /// Cumulative probabilities, `cdf[i]` = P(index ≤ i); the last is 1.
     cdf: Vec<f32>,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use heliostat_kernel::Hit;
+use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Light, SceneBounds};
 
 use crate::camera::Cone;
@@ -14,11 +14,16 @@ use crate::surface::{Placement, ShadedPart, Surface, SurfaceQuery, surface};
 
 /// Materials, placements and lights, indexed the way the kernel reports hits.
 ///
-/// `placements[hit.path]` is the object that was hit and `placement.parts[hit.geometry]` the part.
-#[derive(Clone, Debug)]
+/// `placements[hit.path]` is the object that was hit and `parts[placement.parts][hit.geometry]` the part. Everything
+/// can be changed in place; after changes, [`Self::relight`] brings the lights up to date.
+#[derive(Clone, Debug, Default)]
 pub struct ShadingScene {
     materials: Vec<SurfaceMaterial>,
+    /// The parts of each object, in the order of the kernel's geometries.
+    parts: Vec<Arc<[ShadedPart]>>,
     placements: Arc<[Placement]>,
+    /// Emissive parts of placements.
+    emissive: Vec<(u32, u32)>,
     lights: Lights,
     see_through: bool,
 }
@@ -33,19 +38,70 @@ pub struct EmitterPdf {
 }
 
 impl ShadingScene {
-    /// Ties the tables together and collects the lights.
-    pub fn new<'a>(
+    /// Ties tables together; the lights are still missing.
+    pub fn new(
         materials: Vec<SurfaceMaterial>,
+        parts: Vec<Arc<[ShadedPart]>>,
         placements: Arc<[Placement]>,
+    ) -> Self {
+        let mut scene = Self { materials, parts, placements, ..Self::default() };
+        scene.see_through = scene.parts.iter().any(|parts| scene.lets_through(parts));
+        scene.emissive = scene.tables().emissive();
+        scene
+    }
+
+    /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
+    /// infinitely far away. Costs what there are of them.
+    pub fn relight<'a>(
+        &mut self,
         lights: impl Iterator<Item = &'a Light>,
         environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
-    ) -> Self {
-        let tables = Tables { placements: &placements, materials: &materials };
-        let lights = Lights::new(tables, lights, environment, bounds);
-        let used = placements.iter().flat_map(|p| p.parts.iter()).map(|part| part.material as usize);
-        let see_through = used.into_iter().any(|material| materials[material].is_see_through());
-        Self { materials, placements, lights, see_through }
+    ) {
+        self.lights = Lights::new(self.tables(), &self.emissive, lights, environment, bounds);
+    }
+
+    /// The placements by path, to be moved: neither their number nor their parts may change. Copies them if another scene
+    /// shares them.
+    pub fn placements_mut(&mut self) -> &mut [Placement] {
+        Arc::make_mut(&mut self.placements)
+    }
+
+    /// Replaces the parts of an object by others of the same materials: its shapes changed.
+    pub fn reshape(&mut self, object: u32, parts: Arc<[ShadedPart]>) {
+        self.parts[object as usize] = parts;
+    }
+
+    /// Replaces materials, by their index.
+    pub fn replace_materials(&mut self, replaced: Vec<(usize, SurfaceMaterial)>) {
+        let mut shone = false;
+        for (index, material) in replaced {
+            shone |= self.materials[index].source().is_emissive() != material.source().is_emissive();
+            self.materials[index] = material;
+        }
+        self.see_through = self.parts.iter().any(|parts| self.lets_through(parts));
+        if shone {
+            self.emissive = self.tables().emissive();
+        }
+    }
+
+    /// Whether some part of an object (by its place in the table of parts) emits light.
+    pub fn emits(&self, object: u32) -> bool {
+        let parts = &self.parts[object as usize];
+        parts.iter().any(|part| self.materials[part.material as usize].source().is_emissive())
+    }
+
+    fn lets_through(&self, parts: &[ShadedPart]) -> bool {
+        parts.iter().any(|part| self.materials[part.material as usize].is_see_through())
+    }
+
+    fn tables(&self) -> Tables<'_> {
+        Tables { placements: &self.placements, parts: &self.parts, materials: &self.materials }
+    }
+
+    /// The materials by their index.
+    pub fn materials(&self) -> &[SurfaceMaterial] {
+        &self.materials
     }
 
     /// All lights.
@@ -54,8 +110,13 @@ impl ShadingScene {
     }
 
     /// The placements by path.
-    pub fn placements(&self) -> &[Placement] {
+    pub fn placements(&self) -> &Arc<[Placement]> {
         &self.placements
+    }
+
+    /// The parts of each object.
+    pub fn parts(&self) -> &[Arc<[ShadedPart]>] {
+        &self.parts
     }
 
     /// Whether any surface lets light pass straight through, so that shadows are not simply hits.
@@ -65,55 +126,57 @@ impl ShadingScene {
 
     /// The part that was hit, with its placement and material. `hit` must be a hit.
     pub fn part(&self, hit: &Hit) -> (&Placement, &ShadedPart, &SurfaceMaterial) {
-        let placement = &self.placements[hit.path.0 as usize];
-        let part = &placement.parts[hit.geometry as usize];
-        (placement, part, &self.materials[part.material as usize])
+        self.tables().part(hit.path.0 as u32, hit.geometry)
     }
 
-    /// The surface at a hit of a ray of unit `direction` whose footprint there is `cone`.
-    pub fn surface(&self, hit: &Hit, direction: Vec3, cone: Cone) -> Surface {
+    /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
+    pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface {
         let (placement, part, material) = self.part(hit);
-        surface(placement, part, material, &query(hit, direction, cone))
+        let moved = placement.at(ray.time);
+        surface(moved.as_ref().unwrap_or(placement), part, material, &query(hit, ray, cone))
     }
 
     /// The way straight through the surface at a hit: what passes, per channel, and where the ray goes on. `None` if
     /// nothing passes.
-    pub fn see_through(&self, hit: &Hit, direction: Vec3) -> Option<(Vec3, Vec3)> {
-        let (placement, part, material) = self.part(hit);
+    pub fn see_through(&self, hit: &Hit, ray: &Ray) -> Option<(Vec3, Vec3)> {
+        let (.., material) = self.part(hit);
         if !material.is_see_through() {
             return None;
         }
-        let surface = surface(placement, part, material, &query(hit, direction, Cone::default()));
-        (surface.through != Vec3::ZERO).then(|| (surface.through, surface.spawn(direction)))
+        let surface = self.surface(hit, ray, Cone::default());
+        (surface.through != Vec3::ZERO).then(|| (surface.through, surface.spawn(ray.direction)))
     }
 
-    /// How light sampling from a point `distance` away would have found this hit; `None` if it is no light.
-    pub fn emitter_pdf(&self, hit: &Hit, direction: Vec3, distance: f32) -> Option<EmitterPdf> {
+    /// How light sampling from a point `distance` away would have found what `ray` hit; `None` if it is no light.
+    pub fn emitter_pdf(&self, hit: &Hit, ray: &Ray, distance: f32) -> Option<EmitterPdf> {
         let path = hit.path.0 as u32;
         let (emitter, choice) = self.lights.area(path, hit.geometry)?;
         let (placement, part, _) = self.part(hit);
-        let corners = crate::surface::Corners::new(&part.mesh, hit.primitive, Vec2::new(hit.u, hit.v));
+        let moved = placement.at(ray.time);
+        let placement = moved.as_ref().unwrap_or(placement);
+        let corners =
+            crate::surface::Corners::new(&part.mesh, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
         let [a, b, c] = corners.world(&placement.world_from_object);
         let area = 0.5 * (b - a).cross(c - a).length();
-        let cos = hit.ng.dot(direction).abs();
+        let cos = hit.ng.dot(ray.direction).abs();
         let probability = self.lights.triangle_probability(emitter, hit.primitive);
         let solid_angle = probability * distance * distance / (area * cos).max(f32::MIN_POSITIVE);
         Some(EmitterPdf { choice, solid_angle })
     }
 
-    /// Samples light from one emitter at a point.
+    /// Samples light from one emitter at a point, at `time` in [0, 1] of the shutter interval.
     pub fn sample_light(
         &self,
         emitter: usize,
-        position: Vec3,
+        (position, time): (Vec3, f32),
         u: Vec2,
         u_triangle: f32,
     ) -> Option<LightSample> {
-        let tables = Tables { placements: &self.placements, materials: &self.materials };
-        self.lights.sample(tables, emitter, position, u, u_triangle)
+        self.lights.sample(self.tables(), emitter, (position, time), u, u_triangle)
     }
 }
 
-fn query(hit: &Hit, direction: Vec3, cone: Cone) -> SurfaceQuery {
-    SurfaceQuery { uv: Vec2::new(hit.u, hit.v), ng: hit.ng, primitive: hit.primitive, wo: -direction, cone }
+fn query(hit: &Hit, ray: &Ray, cone: Cone) -> SurfaceQuery {
+    let uv = Vec2::new(hit.u, hit.v);
+    SurfaceQuery { uv, ng: hit.ng, primitive: hit.primitive, wo: -ray.direction, cone, time: ray.time }
 }

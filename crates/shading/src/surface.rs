@@ -35,8 +35,30 @@ pub struct Placement {
     pub object: ObjectId,
     /// Innermost instance.
     pub instance: InstanceId,
-    /// The object's parts, in the order of the kernel's geometries.
-    pub parts: Arc<[ShadedPart]>,
+    /// The object's place in the table of parts.
+    pub parts: u32,
+    /// What moves while the shutter is open, if anything does.
+    pub motion: Option<Arc<Sweep>>,
+}
+
+/// The placements on the way from the world to an object when the shutter opens and when it closes, outermost
+/// first. Each level changes linearly by itself, as in the kernel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep(pub Vec<[Affine3A; 2]>);
+
+impl Sweep {
+    /// World from object at `time` in [0, 1] of the shutter interval.
+    pub fn world_from_object(&self, time: f32) -> Affine3A {
+        self.0.iter().fold(Affine3A::IDENTITY, |world, [open, close]| world * mix(open, close, time))
+    }
+}
+
+/// Between two transforms, entry by entry.
+pub(crate) fn mix(open: &Affine3A, close: &Affine3A, time: f32) -> Affine3A {
+    Affine3A {
+        matrix3: open.matrix3 * (1.0 - time) + close.matrix3 * time,
+        translation: open.translation * (1.0 - time) + close.translation * time,
+    }
 }
 
 impl Placement {
@@ -46,10 +68,17 @@ impl Placement {
         detour: f32,
         object: ObjectId,
         instance: InstanceId,
-        parts: Arc<[ShadedPart]>,
+        parts: u32,
     ) -> Self {
         let world_from_object_normal = world_from_object.matrix3.inverse().transpose();
-        Self { world_from_object, world_from_object_normal, detour, object, instance, parts }
+        Self { world_from_object, world_from_object_normal, detour, object, instance, parts, motion: None }
+    }
+
+    /// The placement at `time` in [0, 1] of the shutter interval, if it moves.
+    pub(crate) fn at(&self, time: f32) -> Option<Self> {
+        let world_from_object = self.motion.as_ref()?.world_from_object(time);
+        let Self { detour, object, instance, parts, .. } = *self;
+        Some(Self::new(world_from_object, detour, object, instance, parts))
     }
 }
 
@@ -66,6 +95,8 @@ pub struct SurfaceQuery {
     pub wo: Vec3,
     /// Footprint at the hit.
     pub cone: Cone,
+    /// Time in [0, 1] of the shutter interval.
+    pub time: f32,
 }
 
 /// A surface point ready for light transport.
@@ -111,16 +142,24 @@ pub(crate) struct Corners<'a> {
     indices: [usize; 3],
     /// Barycentric weights of the three corners.
     weights: [f32; 3],
+    positions: [Vec3; 3],
 }
 
 impl<'a> Corners<'a> {
-    pub(crate) fn new(mesh: &'a Mesh, primitive: u32, uv: Vec2) -> Self {
+    /// `time` in [0, 1] of the shutter interval.
+    pub(crate) fn new(mesh: &'a Mesh, primitive: u32, uv: Vec2, time: f32) -> Self {
         let indices = mesh.indices[primitive as usize].map(|i| i as usize);
-        Self { mesh, indices, weights: [1.0 - uv.x - uv.y, uv.x, uv.y] }
+        let mut positions = indices.map(|i| mesh.positions[i]);
+        if !mesh.motion.is_empty() {
+            let ends = indices.map(|i| mesh.motion[i]);
+            positions = [0, 1, 2].map(|i| positions[i] * (1.0 - time) + ends[i] * time);
+        }
+        Self { mesh, indices, weights: [1.0 - uv.x - uv.y, uv.x, uv.y], positions }
     }
 
+    /// Object space.
     pub(crate) fn positions(&self) -> [Vec3; 3] {
-        self.indices.map(|i| self.mesh.positions[i])
+        self.positions
     }
 
     /// World-space corners.
@@ -243,7 +282,7 @@ pub(crate) fn surface(
     material: &SurfaceMaterial,
     query: &SurfaceQuery,
 ) -> Surface {
-    let corners = Corners::new(&part.mesh, query.primitive, query.uv);
+    let corners = Corners::new(&part.mesh, query.primitive, query.uv, query.time);
     let (position, error) = corners.point(placement);
     let [a, b, c] = corners.world(&placement.world_from_object);
     let world_area = (b - a).cross(c - a).length();

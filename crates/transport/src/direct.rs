@@ -50,7 +50,7 @@ struct WeightedRay {
 impl WeightedRay {
     fn scattered(&self, hit: &Hit) -> Scattered {
         let distance = self.passed_distance + hit.t;
-        Scattered { direction: self.ray.direction, pdf: self.scatter_pdf, distance }
+        Scattered { ray: self.ray, pdf: self.scatter_pdf, distance }
     }
 
     /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
@@ -152,7 +152,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
     fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum, first_sample: bool) {
         let scene = self.view.scene;
         let cone = ray.cone.advanced(hit.t);
-        let surface = scene.surface(hit, ray.ray.direction, cone);
+        let surface = scene.surface(hit, &ray.ray, cone);
         let mut ray = WeightedRay { cone, weight: ray.weight * (-surface.absorption * hit.t).exp(), ..*ray };
         if surface.through != Vec3::ZERO {
             self.send(WeightedRay {
@@ -189,7 +189,8 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         let groups = [mirrors.intersection(Lobes::REFLECTING), mirrors.intersection(Lobes::TRANSMITTING)];
         for emitter in 0..scene.lights().len() {
             let [u, v, u_triangle, _] = ray.points(2 + emitter as u32);
-            let Some(light) = scene.sample_light(emitter, surface.position, Vec2::new(u, v), u_triangle)
+            let Some(light) =
+                scene.sample_light(emitter, (surface.position, ray.ray.time), Vec2::new(u, v), u_triangle)
             else {
                 continue;
             };
@@ -207,7 +208,8 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             let radiance = ray.weight * f_cos * light.weight;
             if radiance != Vec3::ZERO {
                 let pending = PendingLight { pixel: ray.pixel, radiance };
-                self.shadows.push(surface.spawn(light.wi), light.wi, light.distance, pending);
+                let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi), light.wi) };
+                self.shadows.push(shadow.at_time(ray.ray.time), pending);
             }
         }
     }
@@ -222,7 +224,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             let [u, v, u_lobe, _] = ray.points(side as u32);
             let Some(sample) = surface.bsdf.sample(u_lobe, Vec2::new(u, v), lobes) else { continue };
             self.send(WeightedRay {
-                ray: Ray::new(surface.spawn(sample.wi), sample.wi),
+                ray: Ray::new(surface.spawn(sample.wi), sample.wi).at_time(ray.ray.time),
                 cone: Cone { spread: ray.cone.spread + 0.5 * sample.alpha, ..ray.cone },
                 weight: ray.weight * sample.weight,
                 scatter_pdf: sample.pdf,

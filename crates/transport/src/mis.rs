@@ -4,7 +4,7 @@
 //! Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, chapter 9.
 
 use glam::Vec3;
-use heliostat_kernel::Hit;
+use heliostat_kernel::{Hit, Ray};
 use heliostat_shading::ShadingScene;
 
 /// Which emitters light sampling visits at a surface.
@@ -19,8 +19,8 @@ pub(crate) enum Visits {
 /// How a ray came to its direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scattered {
-    /// Unit length.
-    pub(crate) direction: Vec3,
+    /// Of unit direction.
+    pub(crate) ray: Ray,
     /// Density of the direction, per steradian; 0 if no light sample could have found it.
     pub(crate) pdf: f32,
     /// From the scattering surface to the end of the ray, through what let it pass.
@@ -36,22 +36,22 @@ pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 /// Weight of the emission of the surface that a scattered ray hit.
-pub(crate) fn emission_weight(scene: &ShadingScene, visits: Visits, ray: &Scattered, hit: &Hit) -> f32 {
-    if ray.pdf == 0.0 {
+pub(crate) fn emission_weight(scene: &ShadingScene, visits: Visits, scattered: &Scattered, hit: &Hit) -> f32 {
+    if scattered.pdf == 0.0 {
         return 1.0;
     }
-    let Some(light) = scene.emitter_pdf(hit, ray.direction, ray.distance) else { return 1.0 };
+    let Some(light) = scene.emitter_pdf(hit, &scattered.ray, scattered.distance) else { return 1.0 };
     let choice = if visits == Visits::One { light.choice } else { 1.0 };
-    power_heuristic(ray.pdf, choice * light.solid_angle)
+    power_heuristic(scattered.pdf, choice * light.solid_angle)
 }
 
 /// Radiance of the environment, weighted, for a scattered ray that hit nothing.
-pub(crate) fn environment(scene: &ShadingScene, visits: Visits, ray: &Scattered) -> Vec3 {
+pub(crate) fn environment(scene: &ShadingScene, visits: Visits, scattered: &Scattered) -> Vec3 {
     let lights = scene.lights();
-    let radiance = lights.environment(ray.direction);
-    if ray.pdf == 0.0 || radiance == Vec3::ZERO {
+    let radiance = lights.environment(scattered.ray.direction);
+    if scattered.pdf == 0.0 || radiance == Vec3::ZERO {
         return radiance;
     }
     let choice = if visits == Visits::One { lights.environment_choice() } else { 1.0 };
-    radiance * power_heuristic(ray.pdf, choice * lights.environment_pdf(ray.direction))
+    radiance * power_heuristic(scattered.pdf, choice * lights.environment_pdf(scattered.ray.direction))
 }

@@ -103,7 +103,7 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
 impl Path {
     fn scattered(&self, hit: &Hit) -> Scattered {
         let distance = self.passed_distance + hit.t;
-        Scattered { direction: self.ray.direction, pdf: self.scatter_pdf, distance }
+        Scattered { ray: self.ray, pdf: self.scatter_pdf, distance }
     }
 }
 
@@ -118,7 +118,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
     ) -> Option<Path> {
         let scene = self.view.scene;
         path.cone = path.cone.advanced(hit.t);
-        let surface = scene.surface(hit, path.ray.direction, path.cone);
+        let surface = scene.surface(hit, &path.ray, path.cone);
         // Beer's law over the way through the solid that ends here.
         path.throughput *= (-surface.absorption * hit.t).exp();
 
@@ -151,7 +151,9 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         let scene = self.view.scene;
         let [u_choice, u_triangle, u, v] = path.sampler.set(2 * path.edges);
         let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
-        let Some(light) = scene.sample_light(emitter, surface.position, Vec2::new(u, v), u_triangle) else {
+        let Some(light) =
+            scene.sample_light(emitter, (surface.position, path.ray.time), Vec2::new(u, v), u_triangle)
+        else {
             return;
         };
         let scattered = surface.bsdf.evaluate(light.wi, Lobes::ALL);
@@ -162,7 +164,8 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             if light.pdf == 0.0 { 1.0 } else { power_heuristic(probability * light.pdf, scattered.pdf) };
         let radiance = path.throughput * scattered.f_cos * light.weight * (weight / probability);
         let pending = PendingLight { pixel: path.pixel, radiance };
-        self.shadows.push(surface.spawn(light.wi), light.wi, light.distance, pending);
+        let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi), light.wi) };
+        self.shadows.push(shadow.at_time(path.ray.time), pending);
     }
 }
 
@@ -194,6 +197,6 @@ fn scatter(mut path: Path, surface: &Surface) -> Option<Path> {
     path.passed_distance = 0.0;
     // A rough bounce spreads the footprint; texture lookups behind it may be coarse.
     path.cone.spread += 0.5 * sample.alpha;
-    path.ray = Ray::new(surface.spawn(sample.wi), sample.wi);
+    path.ray = Ray::new(surface.spawn(sample.wi), sample.wi).at_time(path.ray.time);
     (path.throughput.is_finite() && path.throughput != Vec3::ZERO).then_some(path)
 }

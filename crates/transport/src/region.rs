@@ -13,6 +13,8 @@ pub struct View<'a, Q: ?Sized> {
     pub scene: &'a ShadingScene,
     /// Camera rays.
     pub camera: &'a CameraRays,
+    /// Whether anything moves while the shutter is open: rays then have times of their own.
+    pub moving: bool,
 }
 
 /// Parameters of a frame.
@@ -165,13 +167,15 @@ fn camera_samples<Q: RayQuery + ?Sized>(
             let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
             let (u_filter, u_lens) = points(sampler.set(0));
             let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
-            let ray = view.camera.ray(at, u_lens);
-            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction), cone: ray.cone }
+            let time = if view.moving { sampler.time() } else { 0.0 };
+            let ray = view.camera.ray(at, u_lens, time);
+            let cone = ray.cone;
+            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction).at_time(time), cone }
         })
         .collect();
     let mut hits = vec![Hit::MISS; samples.len()];
     match view.camera.common_origin() {
-        Some(origin) => {
+        Some(origin) if !view.moving => {
             let mut tile = Tile::new(origin);
             for (samples, hits) in samples.chunks(Tile::CAPACITY).zip(hits.chunks_mut(Tile::CAPACITY)) {
                 tile.restart(origin);
@@ -181,7 +185,7 @@ fn camera_samples<Q: RayQuery + ?Sized>(
                 view.query.intersect_tile(&tile, hits);
             }
         }
-        None => {
+        _ => {
             let rays: Vec<Ray> = samples.iter().map(|s| s.ray).collect();
             view.query.intersect(&rays, &mut hits);
         }

@@ -27,9 +27,9 @@ pub(crate) struct ShadowBatch {
 }
 
 impl ShadowBatch {
-    /// Adds a ray from `origin` over `distance` along the unit vector `direction`.
-    pub(crate) fn push(&mut self, origin: Vec3, direction: Vec3, distance: f32, light: PendingLight) {
-        self.rays.push(Ray { origin, t_min: 0.0, direction, t_max: distance, time: 0.0 });
+    /// Adds a ray, of unit direction, that ends at the light.
+    pub(crate) fn push(&mut self, ray: Ray, light: PendingLight) {
+        self.rays.push(ray);
         self.lights.push(light);
     }
 
@@ -84,7 +84,7 @@ impl ShadowBatch {
                     continue;
                 }
                 let light = &mut self.lights[index];
-                let passage = if round < MAX_PASSED { scene.see_through(hit, ray.direction) } else { None };
+                let passage = if round < MAX_PASSED { scene.see_through(hit, ray) } else { None };
                 let Some((transmittance, origin)) = passage else {
                     light.radiance = Vec3::ZERO;
                     continue;

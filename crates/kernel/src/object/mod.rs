@@ -1,4 +1,5 @@
 //! Objects: triangles and placed copies of other objects, nested to any depth up to a stated limit.
+mod edit;
 mod place;
 mod tree;
 mod update;
