@@ -87,8 +87,16 @@ impl Object {
 
     /// The depth to come, if a change affects that or the numbers of paths.
     fn changed_totals(&self, changes: &[InstanceChange]) -> Result<Option<usize>, BuildError> {
-        let shape = |instance: &Instance| (instance.object.depth, instance.object.path_count);
-        if changes.iter().all(|c| shape(&self.instances[c.index].instance) == shape(&c.instance)) {
+        // What was released is not there to compare with, but its numbers are still taken.
+        let numbers = |index: usize| {
+            let end = self.instances.get(index + 1).map_or(self.path_count, |next| next.path_offset);
+            end - self.instances[index].path_offset
+        };
+        let same = |change: &InstanceChange| {
+            let (before, now) = (&self.instances[change.index].instance.object, &change.instance.object);
+            numbers(change.index) == now.path_count && (before.depth == now.depth || now.path_count == 1)
+        };
+        if changes.iter().all(same) {
             return Ok(None);
         }
         let mut next = changes.iter().peekable();
