@@ -26,6 +26,7 @@ mod shape;
 mod sky;
 mod solid;
 mod spheres;
+mod sunflowers;
 #[cfg(test)]
 mod tests;
 
@@ -41,6 +42,7 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),
         ("cornell", "the Cornell box by its measured dimensions"),
+        ("sunflowers", "a field of 28,000 sunflowers among trees: a billion triangles by instancing"),
         ("spheres", "the material model: metals, plastics, lacquers and glass over roughness"),
     ]
 }
@@ -54,6 +56,7 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
         "conference-1" => conference::build(conference::Lighting::OneLamp),
         "cornell" => cornell::build(),
         "spheres" => spheres::build(),
+        "sunflowers" => sunflowers::build(),
         _ => return None,
     })
 }

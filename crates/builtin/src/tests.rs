@@ -48,6 +48,31 @@ fn sizes_are_as_advertised() {
 }
 
 #[test]
+fn sunflowers_are_a_billion_triangles_of_which_few_are_unique() {
+    let scene = scene("sunflowers");
+    assert!(triangles(&scene) > 1_000_000_000);
+    let mut kinds = 0;
+    for (id, object) in scene.objects() {
+        let own = |part: &heliostat_scene::Part| match &scene.geometries()[&part.geometry] {
+            Geometry::Mesh(mesh) => mesh.indices.len(),
+        };
+        let own: usize = object.parts.iter().map(own).sum();
+        let placed = scene.placements_of(*id).count();
+        match object.name.split(' ').next() {
+            Some("sunflower") => {
+                kinds += 1;
+                assert!((33_000..39_000).contains(&own), "{}: {own}", object.name);
+                assert!(placed > 2500);
+            }
+            Some("tree") => assert!((900_000..1_100_000).contains(&own), "{}: {own}", object.name),
+            _ => assert_eq!(placed, 1),
+        }
+    }
+    assert_eq!(kinds, 10);
+    assert_eq!(scene.instances().len(), crate::sunflowers::PLANTS + 26 + 1);
+}
+
+#[test]
 fn unknown_names_make_nothing_and_known_ones_something() {
     assert!(crate::build("teapot").is_none());
     for (name, description) in crate::names() {
