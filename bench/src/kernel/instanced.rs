@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use heliostat::kernel::glam::{Affine3A, Vec3};
+use heliostat::kernel::glam::{Affine3A, Quat, Vec3};
 use heliostat::kernel::{Aabb, BuildOptions, Instance, Isa, Mesh, Object, RayQuery, TriangleBvh, World};
 
 use super::embree::{self, Embree, EmbreeRays, Packets, Tree, Way};
@@ -24,6 +24,8 @@ pub(super) struct Instanced<'a> {
     pub(super) kinds: &'a [Kind],
     /// About how many objects.
     pub(super) count: usize,
+    /// Whether they are turned as well as moved.
+    pub(super) turned: bool,
 }
 
 /// A mesh about its own origin, and where it stands.
@@ -39,7 +41,7 @@ impl Instanced<'_> {
     /// When the scene cannot be read or built.
     pub(super) fn scene(&self, spec: &Spec) -> Result<(), String> {
         let flat = prepare(spec)?;
-        let placed = place(split::objects(&flat.mesh, self.count));
+        let placed = place(split::objects(&flat.mesh, self.count), self.turned);
         let name = &flat.name;
         result(&format!("\n{name}: {} triangles in {} objects", flat.mesh.indices.len(), placed.len()));
         let worlds = [flat_world(&flat.mesh, self.isa)?, instanced_world(&placed, self.isa)?];
@@ -118,17 +120,19 @@ fn fastest<'t>(
     timed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, pair)| pair)
 }
 
-/// Moves each mesh to its own origin.
-fn place(meshes: Vec<Mesh>) -> Vec<Placed> {
-    let one = |mesh: Mesh| {
+/// Moves each mesh to its own origin, and turns it about the vertical by an angle of its own if told so.
+fn place(meshes: Vec<Mesh>, turned: bool) -> Vec<Placed> {
+    let one = |(index, mesh): (usize, Mesh)| {
         let center = Aabb::from_points(mesh.positions.iter().copied().filter(|p| p.is_finite())).center();
-        let positions: Vec<Vec3> = mesh.positions.iter().map(|&p| p - center).collect();
+        let angle = if turned { 0.1 + index as f32 } else { 0.0 };
+        let turn = Quat::from_rotation_y(angle);
+        let positions: Vec<Vec3> = mesh.positions.iter().map(|&p| turn.inverse() * (p - center)).collect();
         Placed {
             mesh: Mesh { positions: positions.into(), ..mesh },
-            world_from_object: Affine3A::from_translation(center),
+            world_from_object: Affine3A::from_rotation_translation(turn, center),
         }
     };
-    meshes.into_iter().map(one).collect()
+    meshes.into_iter().enumerate().map(one).collect()
 }
 
 fn tree(mesh: &Mesh) -> Result<TriangleBvh, String> {

@@ -83,6 +83,9 @@ pub(crate) struct Arguments {
     /// room unless scenes are named
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["plot", "json", "markdown"], value_parser = clap::value_parser!(u32).range(1..))]
     instances: Option<u32>,
+    /// The objects of --instances are turned about the vertical as well as moved
+    #[arg(long, requires = "instances")]
+    turned: bool,
     /// Take the results of earlier runs, written by --json, instead of measuring [may be repeated]
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "rays", "plot"])]
     from: Vec<PathBuf>,
@@ -186,6 +189,7 @@ fn instances(arguments: &Arguments, embree: Option<&Embree>, count: usize) -> Re
         most: (arguments.most * 1e6) as usize,
         kinds,
         count,
+        turned: arguments.turned,
     };
     let mut specs = specs(arguments)?;
     if arguments.scene.is_empty() {
