@@ -2,6 +2,7 @@
 
 mod builds;
 mod embree;
+mod instanced;
 mod kdtree;
 mod markdown;
 mod measure;
@@ -11,6 +12,7 @@ mod plot;
 mod rays;
 mod results;
 mod scenes;
+mod split;
 mod terrain;
 mod versus;
 
@@ -20,6 +22,7 @@ use heliostat::kernel::Isa;
 use heliostat::kernel::glam::Vec3;
 
 use self::embree::Embree;
+use self::instanced::Instanced;
 use self::rays::Kind;
 use self::results::{Machine, Results};
 use self::scenes::{Origin, Spec};
@@ -76,6 +79,13 @@ pub(crate) struct Arguments {
     /// Instead of scenes, measure primary rays over terrains of 1,000 to 10,000,000 triangles and draw their cost
     #[arg(long, value_name = "FILE.svg", conflicts_with_all = ["scene", "rays"])]
     plot: Option<PathBuf>,
+    /// Instead of engines, compare one flat tree with about so many placed objects, in each engine; of the conference
+    /// room unless scenes are named
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["plot", "json", "markdown"], value_parser = clap::value_parser!(u32).range(1..))]
+    instances: Option<u32>,
+    /// The objects of --instances are turned about the vertical as well as moved
+    #[arg(long, requires = "instances")]
+    turned: bool,
     /// Take the results of earlier runs, written by --json, instead of measuring [may be repeated]
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "rays", "plot"])]
     from: Vec<PathBuf>,
@@ -131,6 +141,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
             None
         }
     };
+    if let Some(count) = arguments.instances {
+        return instances(arguments, embree.as_ref(), count as usize);
+    }
     let all = || vec![1, all_threads()];
     let mut versus = Versus {
         embree: embree.as_ref(),
@@ -163,6 +176,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         write(path, &plot::svg(&results.rows))?;
     }
     finish(&results, arguments)
+}
+
+/// Flat trees against instances.
+fn instances(arguments: &Arguments, embree: Option<&Embree>, count: usize) -> Result<(), String> {
+    let kinds = if arguments.rays.is_empty() { &Kind::ALL } else { &arguments.rays[..] };
+    let instanced = Instanced {
+        embree,
+        isa: arguments.isa.unwrap_or_else(Isa::best),
+        size: arguments.size,
+        runs: arguments.runs as usize,
+        most: (arguments.most * 1e6) as usize,
+        kinds,
+        count,
+        turned: arguments.turned,
+    };
+    let mut specs = specs(arguments)?;
+    if arguments.scene.is_empty() {
+        specs.retain(|spec| spec.name == "conference");
+    }
+    specs.iter().try_for_each(|spec| instanced.scene(spec))
 }
 
 fn read(path: &Path) -> Result<Results, String> {

@@ -243,6 +243,53 @@ impl<'a> Blocks<'a> {
     }
 }
 
+/// Where a traversal takes blocks from.
+pub(crate) trait BlockSource: Copy {
+    /// Block `index` in full: where it is stored, or made in `place`.
+    fn block<'p>(self, index: usize, place: &'p mut Option<Block>) -> &'p Block
+    where
+        Self: 'p;
+}
+
+impl BlockSource for Blocks<'_> {
+    #[inline(always)]
+    fn block<'p>(self, index: usize, place: &'p mut Option<Block>) -> &'p Block
+    where
+        Self: 'p,
+    {
+        self.get(index, place)
+    }
+}
+
+/// The blocks of moving triangles at one moment.
+#[derive(Clone, Copy)]
+pub(crate) struct MovingBlocks<'a> {
+    /// When the shutter opens, and when it closes.
+    pub ends: [&'a [Block]; 2],
+    /// From 0 to 1.
+    pub time: f32,
+}
+
+impl BlockSource for MovingBlocks<'_> {
+    #[inline(always)]
+    fn block<'p>(self, index: usize, place: &'p mut Option<Block>) -> &'p Block
+    where
+        Self: 'p,
+    {
+        let [opening, closing] = self.ends.map(|blocks| &blocks[index]);
+        let block = place.insert(Block { triangle: opening.triangle, ..Block::EMPTY });
+        let rows = block.vertex.iter_mut().flatten();
+        let ends = opening.vertex.iter().flatten().zip(closing.vertex.iter().flatten());
+        for (row, (from, to)) in rows.zip(ends) {
+            for lane in 0..WIDTH {
+                // In this form both ends are met exactly; vertices that are shared stay so.
+                row[lane] = from[lane] * (1.0 - self.time) + to[lane] * self.time;
+            }
+        }
+        block
+    }
+}
+
 /// A call, as [`decode_node`].
 #[inline(never)]
 fn decode_block<'a>(

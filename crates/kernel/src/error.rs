@@ -109,6 +109,26 @@ pub enum BuildError {
         /// Index of the first change that is out of order.
         change: usize,
     },
+    /// A moving mesh whose two lists of positions differ in length.
+    #[error(
+        "mesh {mesh}: {motion} positions when the shutter closes for {positions} when it opens; give as many"
+    )]
+    MotionLength {
+        /// Index of the mesh in the list given.
+        mesh: usize,
+        /// Positions when the shutter opens.
+        positions: usize,
+        /// Positions when it closes.
+        motion: usize,
+    },
+    /// A moving mesh for a tree that cannot hold one.
+    #[error("mesh {mesh} moves, which {tree} cannot hold; build a `TriangleBvh` in the full layout")]
+    MotionUnsupported {
+        /// Index of the mesh in the list given.
+        mesh: usize,
+        /// The kind of tree.
+        tree: &'static str,
+    },
     /// The caller stopped the build.
     #[error("the build was cancelled")]
     Cancelled,

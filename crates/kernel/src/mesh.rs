@@ -6,6 +6,7 @@ use glam::Vec3;
 /// An indexed triangle mesh in object space. Cloning shares the arrays.
 ///
 /// Triangles with a vertex that is not finite or has a coordinate beyond ±1e10, and those with zero area, are kept in the numbering but never hit.
+/// So are those of a moving mesh for which that holds when the shutter opens or when it closes.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Vertex positions, object space.
@@ -24,7 +25,24 @@ impl Mesh {
         Self { positions: positions.into(), indices: indices.into(), motion: None }
     }
 
-    /// The three corners of triangle `index`, or `None` if it or one of its vertices does not exist.
+    /// The mesh when the shutter closes: it shares the arrays and does not move.
+    #[must_use]
+    pub fn closing(&self) -> Self {
+        let positions = Arc::clone(self.motion.as_ref().unwrap_or(&self.positions));
+        Self { positions, indices: Arc::clone(&self.indices), motion: None }
+    }
+
+    /// As [`Mesh::corners`], at a moment in the shutter interval from 0 to 1.
+    #[must_use]
+    pub fn corners_at(&self, index: usize, time: f32) -> Option<[Vec3; 3]> {
+        let opening = self.corners(index)?;
+        let closing =
+            if self.motion.is_some() { self.closing().corners(index)? } else { return Some(opening) };
+        let [a, b, c] = [0, 1, 2].map(|k| opening[k] * (1.0 - time) + closing[k] * time);
+        Some([a, b, c])
+    }
+
+    /// The three corners of triangle `index` when the shutter opens, or `None` if it or one of its vertices does not exist.
     #[must_use]
     pub fn corners(&self, index: usize) -> Option<[Vec3; 3]> {
         let [a, b, c] = *self.indices.get(index)?;

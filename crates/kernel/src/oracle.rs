@@ -1,4 +1,6 @@
 //! The brute-force oracle: every triangle, every instance, double precision. Too simple to be wrong.
+use std::borrow::Cow;
+
 use glam::{DAffine3, DVec3, Vec3};
 
 use crate::{
@@ -18,7 +20,10 @@ use crate::{
 /// Möller and Trumbore 1997, "Fast, minimum storage ray/triangle intersection".
 #[derive(Clone, Debug)]
 pub struct Oracle {
+    /// As the shutter opens.
     triangles: Vec<WorldTriangle>,
+    /// The world to expand for each ray, if something in it moves.
+    moving: Option<World>,
     bounds: Aabb,
 }
 
@@ -36,9 +41,8 @@ impl Oracle {
     /// Expands `world` into a list of triangles in world space.
     #[must_use]
     pub fn new(world: &World) -> Self {
-        let mut triangles = Vec::new();
-        expand(world.root(), &DAffine3::IDENTITY, 0, &mut triangles);
-        Self { triangles, bounds: world.bounds() }
+        let moving = world.has_motion().then(|| world.clone());
+        Self { triangles: expanded(world, 0.0), moving, bounds: world.bounds() }
     }
 
     /// Number of expanded triangles.
@@ -53,7 +57,7 @@ impl Oracle {
         if !ray.is_valid() {
             return Vec::new();
         }
-        self.triangles.iter().filter_map(|triangle| triangle.intersect(ray)).collect()
+        self.at(ray).iter().filter_map(|triangle| triangle.intersect(ray)).collect()
     }
 
     /// Every triangle that `ray` meets or passes within `slack` (world units, across the ray), in no order, with
@@ -63,7 +67,15 @@ impl Oracle {
         if !ray.is_valid() {
             return Vec::new();
         }
-        self.triangles.iter().filter_map(|triangle| triangle.near(ray, slack)).collect()
+        self.at(ray).iter().filter_map(|triangle| triangle.near(ray, slack)).collect()
+    }
+
+    /// The triangles at the time of `ray`.
+    fn at(&self, ray: &Ray) -> Cow<'_, [WorldTriangle]> {
+        match &self.moving {
+            Some(world) => Cow::Owned(expanded(world, ray.clamped_time())),
+            None => Cow::Borrowed(&self.triangles),
+        }
     }
 
     fn closest(&self, ray: &Ray) -> Hit {
@@ -71,7 +83,7 @@ impl Oracle {
     }
 
     fn any(&self, ray: &Ray) -> bool {
-        ray.is_valid() && self.triangles.iter().any(|triangle| triangle.intersect(ray).is_some())
+        ray.is_valid() && self.at(ray).iter().any(|triangle| triangle.intersect(ray).is_some())
     }
 }
 
@@ -86,10 +98,17 @@ pub struct NearHit {
     pub cosine: f64,
 }
 
-fn expand(object: &Object, world_from_object: &DAffine3, path: u64, out: &mut Vec<WorldTriangle>) {
+/// All triangles of the world at a moment in the shutter interval.
+fn expanded(world: &World, time: f32) -> Vec<WorldTriangle> {
+    let mut triangles = Vec::new();
+    expand(world.root(), &DAffine3::IDENTITY, time, 0, &mut triangles);
+    triangles
+}
+
+fn expand(object: &Object, world_from_object: &DAffine3, time: f32, path: u64, out: &mut Vec<WorldTriangle>) {
     if let Some(tree) = &object.triangles {
         let normal_from_object = world_from_object.matrix3.inverse().transpose();
-        tree.for_each(|(corners, triangle)| {
+        tree.for_each(time, |(corners, triangle)| {
             let [a, b, c] = corners.map(|p| Vec3::from_array(p).as_dvec3());
             let (geometry, primitive) = tree.locate(triangle);
             let ng = (normal_from_object * (b - a).cross(c - a).normalize()).normalize().as_vec3();
@@ -98,8 +117,8 @@ fn expand(object: &Object, world_from_object: &DAffine3, path: u64, out: &mut Ve
         });
     }
     for child in &object.instances {
-        let world_from_child = *world_from_object * double(&child.instance.parent_from_object);
-        expand(&child.instance.object, &world_from_child, path + child.path_offset, out);
+        let world_from_child = *world_from_object * double(&child.instance.parent_from_object_at(time));
+        expand(&child.instance.object, &world_from_child, time, path + child.path_offset, out);
     }
 }
 

@@ -41,6 +41,13 @@ impl Ray {
         Self { time, ..self }
     }
 
+    /// The time that counts: in 0..=1.
+    #[inline(always)]
+    pub(crate) const fn clamped_time(&self) -> f32 {
+        // In this order, so that NaN becomes 0.
+        self.time.max(0.0).min(1.0)
+    }
+
     /// The point `origin + t · direction`.
     #[must_use]
     pub fn at(&self, t: f32) -> Vec3 {

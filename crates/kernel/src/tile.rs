@@ -16,6 +16,8 @@ pub struct Tile {
     pub(crate) t_max: [f32; Tile::CAPACITY],
     pub(crate) origin: Vec3,
     pub(crate) len: usize,
+    /// Times of the rays, where any was set.
+    times: Option<Box<[f32; Tile::CAPACITY]>>,
 }
 
 impl Tile {
@@ -26,18 +28,19 @@ impl Tile {
     #[must_use]
     pub const fn new(origin: Vec3) -> Self {
         let zero = [0.0; Self::CAPACITY];
-        Self { origin, direction: [zero; 3], t_min: zero, t_max: zero, len: 0 }
+        Self { origin, direction: [zero; 3], t_min: zero, t_max: zero, len: 0, times: None }
     }
 
     /// Empties the tile and moves it to another origin: cheaper than a new tile.
     pub fn restart(&mut self, origin: Vec3) {
         self.origin = origin;
-        self.len = 0;
+        self.clear();
     }
 
     /// Removes all rays and keeps the origin.
     pub fn clear(&mut self) {
         self.len = 0;
+        self.times = None;
     }
 
     /// Adds a ray over `0 < t < t_max` and returns its index, or `None` if the tile is full.
@@ -58,6 +61,14 @@ impl Tile {
         self.t_max[index] = t_max;
         self.len = index + 1;
         Some(index)
+    }
+
+    /// Sets the moment in the shutter interval, 0 to 1, at which ray `index` sees the world; it is 0 before. Nothing
+    /// happens past the end. Worlds in which something moves answer tiles ray by ray.
+    pub fn set_time(&mut self, index: usize, time: f32) {
+        if index < self.len {
+            self.times.get_or_insert_with(|| Box::new([0.0; Self::CAPACITY]))[index] = time;
+        }
     }
 
     /// Number of rays.
@@ -96,7 +107,7 @@ impl Tile {
                 self.direction[2][index],
             ),
             t_max: self.t_max[index],
-            time: 0.0,
+            time: self.times.as_ref().map_or(0.0, |times| times[index]),
         })
     }
 }

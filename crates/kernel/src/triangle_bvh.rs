@@ -16,7 +16,7 @@ use crate::{
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
-    compact::{Blocks, CompactBlock, CompactBlocks},
+    compact::{BlockSource, Blocks, CompactBlock, CompactBlocks, MovingBlocks},
     error::BuildError,
     layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
     mesh::Mesh,
@@ -35,6 +35,8 @@ pub struct TriangleBvh {
     pub(crate) tree: WideTree,
     /// All blocks in the full layout; none in the compact one.
     blocks: Vec<Block>,
+    /// The same blocks when the shutter closes, if anything moves; none otherwise.
+    closing: Vec<Block>,
     /// All blocks in the compact layout; none in the full one.
     compact: CompactBlocks,
     /// First running triangle number of each mesh, and the total at the end.
@@ -64,7 +66,8 @@ impl TriangleBvh {
     ///
     /// # Errors
     /// [`BuildError::IndexOutOfRange`] for the first bad vertex index, [`BuildError::TooManyTriangles`] past
-    /// [`TriangleBvh::MAX_TRIANGLES`].
+    /// [`TriangleBvh::MAX_TRIANGLES`], [`BuildError::MotionLength`] for a mesh with too few or too many positions for
+    /// its end, [`BuildError::MotionUnsupported`] for a mesh that moves and [`Layout::Compact`].
     pub fn build(meshes: &[Mesh], options: &BuildOptions) -> Result<Self, BuildError> {
         Self::build_with(meshes, options, &())
     }
@@ -80,6 +83,10 @@ impl TriangleBvh {
     ) -> Result<Self, BuildError> {
         let (level, watch) = (build::level(), Watch::new(progress));
         let mesh_starts = triangles::number(meshes, &watch)?;
+        let closing = triangles::closing(meshes);
+        if options.layout == Layout::Compact {
+            still(meshes)?;
+        }
         watch.stage(60);
         let mut prims = triangles::boxes(meshes, &mesh_starts, &watch);
         watch.check()?;
@@ -92,6 +99,10 @@ impl TriangleBvh {
         let mut leaf_rule = rule;
         let mut block_list = None;
         let binary = match options.builder {
+            // A triangle that moves has no parts that stay on either side of a plane.
+            Builder::SpatialSah if closing.is_some() => {
+                binned::build(level, &mut prims, rule, options, &watch)
+            }
             Builder::BinnedSah => binned::build(level, &mut prims, rule, options, &watch),
             Builder::Morton => {
                 let (binary, list) = morton::build(level, &mut prims, options, &watch);
@@ -128,7 +139,12 @@ impl TriangleBvh {
             ..Self::default()
         };
         match options.layout {
-            Layout::Full => bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &numbers, &watch),
+            Layout::Full => {
+                bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &numbers, &watch);
+                if let Some(closing) = closing {
+                    bvh.closing = triangles::blocks(&closing, &bvh.mesh_starts, &numbers, &watch);
+                }
+            }
             Layout::Compact => {
                 bvh.tree.compress();
                 let blocks = numbers.par_iter().map(CompactBlock::new).collect();
@@ -149,8 +165,8 @@ impl TriangleBvh {
     /// the same bits for any number of threads. Runs on the current rayon pool.
     ///
     /// # Errors
-    /// [`BuildError::MeshCountChanged`], [`BuildError::TriangleCountChanged`] and [`BuildError::IndexOutOfRange`]; the
-    /// tree is then as it was.
+    /// [`BuildError::MeshCountChanged`], [`BuildError::TriangleCountChanged`], and as in [`TriangleBvh::build`]; the tree
+    /// is then as it was.
     pub fn refit(&mut self, meshes: &[Mesh]) -> Result<(), BuildError> {
         let (built, given) = (self.mesh_starts.len().saturating_sub(1), meshes.len());
         if built != given {
@@ -165,9 +181,18 @@ impl TriangleBvh {
         triangles::number(meshes, &Watch::new(&()))?;
         let level = build::level();
         let bounds = if self.tree.compact.is_empty() {
-            let blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+            let mut blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+            match triangles::closing(meshes) {
+                None => self.closing = Vec::new(),
+                Some(meshes) => {
+                    self.closing.clone_from(&self.blocks);
+                    let ends = refit::blocks(level, &meshes, &self.mesh_starts, &mut self.closing);
+                    refit::unite(&mut self.blocks, &mut self.closing, &mut blocks, &ends);
+                }
+            }
             refit::nodes(level, &mut self.tree, &BlockLeaves { blocks: &blocks, block_cost: self.block_cost })
         } else {
+            still(meshes)?;
             let blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
             self.compact.meshes = meshes.to_vec();
             self.tree.expand();
@@ -199,6 +224,7 @@ impl TriangleBvh {
             bytes: size_of_val(&self.tree.nodes[..])
                 + size_of_val(&self.tree.compact[..])
                 + size_of_val(&self.blocks[..])
+                + size_of_val(&self.closing[..])
                 + size_of_val(&self.compact.blocks[..]),
             sah: self.tree.sah,
             sah_at_build: self.sah_at_build,
@@ -224,6 +250,9 @@ impl TriangleBvh {
             block.vertex.iter().flatten().flatten().for_each(|x| eat(x.to_bits()));
             block.triangle.iter().for_each(|&t| eat(t));
         }
+        for block in &self.closing {
+            block.vertex.iter().flatten().flatten().for_each(|x| eat(x.to_bits()));
+        }
         hash
     }
 
@@ -231,6 +260,18 @@ impl TriangleBvh {
     #[inline(always)]
     pub(crate) fn blocks(&self) -> Blocks<'_> {
         Blocks { full: &self.blocks, compact: &self.compact, mesh_starts: &self.mesh_starts }
+    }
+
+    /// Whether any of the meshes moves while the shutter is open.
+    #[must_use]
+    pub fn has_motion(&self) -> bool {
+        !self.closing.is_empty()
+    }
+
+    /// The blocks at a moment in the shutter interval, if anything moves.
+    #[inline(always)]
+    pub(crate) fn moving_blocks(&self, time: f32) -> Option<MovingBlocks<'_>> {
+        self.has_motion().then(|| MovingBlocks { ends: [&self.blocks, &self.closing], time })
     }
 
     fn block_count(&self) -> usize {
@@ -249,11 +290,14 @@ impl TriangleBvh {
         at(geometry as usize + 1) - at(geometry as usize)
     }
 
-    /// Every triangle that can be hit, once: corners and running number.
-    pub(crate) fn triangles(&self) -> Vec<([[f32; 3]; 3], u32)> {
+    /// Every triangle that can be hit, once: corners at a moment in the shutter interval and running number.
+    pub(crate) fn triangles(&self, time: f32) -> Vec<([[f32; 3]; 3], u32)> {
         let of_block = |index: usize| {
             let mut place = None;
-            let block = self.blocks().get(index, &mut place);
+            let block = match self.moving_blocks(time) {
+                None => self.blocks().get(index, &mut place),
+                Some(blocks) => blocks.block(index, &mut place),
+            };
             let lanes = (0..WIDTH).filter(|&lane| block.triangle[lane] != Block::NO_TRIANGLE);
             lanes.map(|lane| (block.corners(lane), block.triangle[lane])).collect::<Vec<_>>()
         };
@@ -267,5 +311,14 @@ impl TriangleBvh {
         found.sort_unstable_by_key(|&(_, triangle)| triangle);
         found.dedup_by_key(|&mut (_, triangle)| triangle);
         found
+    }
+}
+
+/// # Errors
+/// [`BuildError::MotionUnsupported`] for the first mesh that moves.
+fn still(meshes: &[Mesh]) -> Result<(), BuildError> {
+    match meshes.iter().position(|mesh| mesh.motion.is_some()) {
+        Some(mesh) => Err(BuildError::MotionUnsupported { mesh, tree: "the compact layout" }),
+        None => Ok(()),
     }
 }

@@ -26,6 +26,15 @@ impl Triangles {
         }
     }
 
+    /// Whether vertices move while the shutter is open.
+    #[must_use]
+    pub fn has_motion(&self) -> bool {
+        match self {
+            Self::Bvh(tree) => tree.has_motion(),
+            Self::KdTree(_) => false,
+        }
+    }
+
     /// Splits a running triangle number into (mesh, triangle of that mesh).
     pub(crate) fn locate(&self, number: u32) -> (u32, u32) {
         match self {
@@ -34,10 +43,10 @@ impl Triangles {
         }
     }
 
-    /// Calls `visit` for every triangle that can be hit, with its corners and running number.
-    pub(crate) fn for_each(&self, visit: impl FnMut((Corners, u32))) {
+    /// Calls `visit` for every triangle that can be hit, with its corners at a time and its running number.
+    pub(crate) fn for_each(&self, time: f32, visit: impl FnMut((Corners, u32))) {
         match self {
-            Self::Bvh(tree) => tree.triangles().into_iter().for_each(visit),
+            Self::Bvh(tree) => tree.triangles(time).into_iter().for_each(visit),
             Self::KdTree(tree) => tree.triangles().for_each(visit),
         }
     }

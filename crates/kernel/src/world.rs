@@ -110,10 +110,23 @@ impl World {
         self.root.path_count()
     }
 
-    /// Walks from the root down to the object that `path` names; `None` if there is no such path. Costs one
-    /// binary search per level.
+    /// Whether anything moves while the shutter is open, so that the times of rays count.
+    #[must_use]
+    pub fn has_motion(&self) -> bool {
+        self.root.has_motion()
+    }
+
+    /// Walks from the root down to the object that `path` names, as placed when the shutter opens; `None` if there is no
+    /// such path. Costs one binary search per level.
     #[must_use]
     pub fn resolve(&self, path: PathId) -> Option<ResolvedPath<'_>> {
+        self.resolve_at(path, 0.0)
+    }
+
+    /// As [`World::resolve`], at a moment in the shutter interval from 0 to 1. A placement that has no inverse then is
+    /// inverted as when the shutter opens: no ray passes it.
+    #[must_use]
+    pub fn resolve_at(&self, path: PathId, time: f32) -> Option<ResolvedPath<'_>> {
         if path.0 >= self.path_count() {
             return None;
         }
@@ -129,8 +142,10 @@ impl World {
             let index = children.partition_point(|c| c.path_offset <= rest).checked_sub(1)?;
             let child = &children[index];
             rest -= child.path_offset;
-            resolved.world_from_object *= child.instance.parent_from_object;
-            resolved.object_from_world = child.object_from_parent * resolved.object_from_world;
+            let moved = child.instance.motion.and_then(|_| child.at(time));
+            let object_from_parent = moved.map_or(child.object_from_parent, |(inverse, _)| inverse);
+            resolved.world_from_object *= child.instance.parent_from_object_at(time);
+            resolved.object_from_world = object_from_parent * resolved.object_from_world;
             resolved.ids.push(child.instance.id);
             resolved.object = &child.instance.object;
         }

@@ -20,6 +20,8 @@ const VERTEX_BUFFER: u32 = 1;
 const FORMAT_UINT3: u32 = 0x5003;
 const FORMAT_FLOAT3: u32 = 0x9003;
 const TRIANGLES: u32 = 0;
+const INSTANCE: u32 = 121;
+const FORMAT_FLOAT3X4_COLUMN_MAJOR: u32 = 0x9234;
 const ALL_FEATURES: u32 = u32::MAX;
 const COHERENT: u32 = 1 << 16;
 const COMPACT: u32 = 1 << 1;
@@ -136,6 +138,8 @@ api! {
     attach_geometry = rtcAttachGeometry: unsafe extern "C" fn(Handle, Handle) -> u32;
     new_buffer = rtcSetNewGeometryBuffer:
         unsafe extern "C" fn(Handle, u32, u32, u32, usize, usize) -> *mut c_void;
+    instanced_scene = rtcSetGeometryInstancedScene: unsafe extern "C" fn(Handle, Handle);
+    transform = rtcSetGeometryTransform: unsafe extern "C" fn(Handle, u32, u32, *const c_void);
     intersect1 = rtcIntersect1: Single;
     intersect4 = rtcIntersect4: Packet;
     intersect8 = rtcIntersect8: Packet;
@@ -247,13 +251,10 @@ impl Scene {
         compact: bool,
     ) -> Result<Self, String> {
         let api = device.api;
+        let scene = Self::empty(device, quality, compact);
         // SAFETY: handles are used while they live; the buffers have the size that is copied, and the library pads
         // them to 16 bytes by itself.
-        let scene = unsafe {
-            let handle = (api.new_scene)(device.handle);
-            let scene = Self { device: Arc::clone(device), handle };
-            (api.scene_flags)(handle, if compact { COMPACT } else { 0 });
-            (api.scene_quality)(handle, quality);
+        unsafe {
             let geometry = (api.new_geometry)(device.handle, TRIANGLES);
             (api.geometry_quality)(geometry, quality);
             let vertices = (api.new_buffer)(geometry, VERTEX_BUFFER, 0, FORMAT_FLOAT3, 12, positions.len());
@@ -265,11 +266,38 @@ impl Scene {
             ptr::copy_nonoverlapping(positions.as_ptr(), vertices.cast(), positions.len());
             ptr::copy_nonoverlapping(indices.as_ptr(), triangles.cast(), indices.len());
             (api.commit_geometry)(geometry);
-            (api.attach_geometry)(handle, geometry);
+            (api.attach_geometry)(scene.handle, geometry);
             (api.release_geometry)(geometry);
-            scene
-        };
+        }
         device.check("take the mesh").map(|()| scene)
+    }
+
+    /// A scene with nothing in it yet.
+    pub(super) fn empty(device: &Arc<Device>, quality: u32, compact: bool) -> Self {
+        let api = device.api;
+        // SAFETY: a live device, and a scene that is used while it lives.
+        let handle = unsafe {
+            let handle = (api.new_scene)(device.handle);
+            (api.scene_flags)(handle, if compact { COMPACT } else { 0 });
+            (api.scene_quality)(handle, quality);
+            handle
+        };
+        Self { device: Arc::clone(device), handle }
+    }
+
+    /// Places another scene, which is committed, in this one, by a matrix of three rows and four columns, column by
+    /// column. Errors show when this scene is committed.
+    pub(super) fn add_instance(&mut self, object: &Self, matrix: &[f32; 12]) {
+        let api = self.device.api;
+        // SAFETY: live handles; the matrix is copied, and the geometry keeps the other scene alive.
+        unsafe {
+            let geometry = (api.new_geometry)(self.device.handle, INSTANCE);
+            (api.instanced_scene)(geometry, object.handle);
+            (api.transform)(geometry, 0, FORMAT_FLOAT3X4_COLUMN_MAJOR, matrix.as_ptr().cast());
+            (api.commit_geometry)(geometry);
+            (api.attach_geometry)(self.handle, geometry);
+            (api.release_geometry)(geometry);
+        }
     }
 
     /// Builds the tree.

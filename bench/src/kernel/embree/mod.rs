@@ -6,6 +6,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use heliostat::kernel::glam::Affine3A;
 use heliostat::kernel::{Mesh, Ray};
 
 pub(super) use self::ffi::Device;
@@ -159,6 +160,22 @@ impl Tree {
     pub(super) fn new(device: &Arc<Device>, mesh: &Mesh, build: Build) -> Result<Self, String> {
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
         let scene = ffi::Scene::new(device, &positions, &mesh.indices, build.quality, build.compact)?;
+        Ok(Self { build, scene })
+    }
+
+    /// Trees of their own for placed meshes, and one over them; all built.
+    pub(super) fn instanced<'m>(
+        device: &Arc<Device>,
+        objects: impl Iterator<Item = (&'m Mesh, Affine3A)>,
+        build: Build,
+    ) -> Result<Self, String> {
+        let mut scene = ffi::Scene::empty(device, build.quality, build.compact);
+        for (mesh, world_from_object) in objects {
+            let mut tree = Self::new(device, mesh, build)?;
+            tree.build()?;
+            scene.add_instance(&tree.scene, &world_from_object.to_cols_array());
+        }
+        scene.commit()?;
         Ok(Self { build, scene })
     }
 

@@ -32,6 +32,28 @@ pub(crate) fn blocks(level: Level, meshes: &[Mesh], starts: &[u32], blocks: &mut
     bounds
 }
 
+/// Makes one of what [`blocks`] found at both ends of the shutter interval: a triangle that cannot be hit at one end is a
+/// point at both, and boxes hold the whole way.
+pub(crate) fn unite(
+    opening: &mut [Block],
+    closing: &mut [Block],
+    bounds: &mut [PackedBox],
+    ends: &[PackedBox],
+) {
+    let blocks = opening.par_iter_mut().zip(closing).with_min_len(CHUNK);
+    blocks.zip(bounds.par_iter_mut().zip(ends)).for_each(|((opening, closing), (bounds, end))| {
+        *bounds = bounds.union(end);
+        for lane in 0..WIDTH {
+            let is_point = |block: &Block| block.corners(lane) == [[0.0; 3]; 3];
+            if is_point(opening) != is_point(closing) {
+                for block in [&mut *opening, &mut *closing] {
+                    block.vertex.iter_mut().flatten().for_each(|row| row[lane] = 0.0);
+                }
+            }
+        }
+    });
+}
+
 /// As [`blocks`], for blocks that hold no vertices.
 pub(crate) fn compact_blocks(
     level: Level,

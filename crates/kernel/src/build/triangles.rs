@@ -27,7 +27,11 @@ pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, Bui
     }
     let mut starts = Vec::with_capacity(meshes.len() + 1);
     let mut next = 0;
-    for (mesh, Mesh { positions, indices, .. }) in meshes.iter().enumerate() {
+    for (mesh, Mesh { positions, indices, motion }) in meshes.iter().enumerate() {
+        if let Some(motion) = motion.as_ref().filter(|motion| motion.len() != positions.len()) {
+            let (positions, motion) = (positions.len(), motion.len());
+            return Err(BuildError::MotionLength { mesh, positions, motion });
+        }
         let vertices = positions.len();
         let bad = |index: &u32| *index as usize >= vertices;
         let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
@@ -47,10 +51,35 @@ pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, Bui
     Ok(starts)
 }
 
-/// The boxes of all triangles that can be hit, in order.
+/// The meshes when the shutter closes, if any of them moves.
+pub(crate) fn closing(meshes: &[Mesh]) -> Option<Vec<Mesh>> {
+    let moving = meshes.iter().any(|mesh| mesh.motion.is_some());
+    moving.then(|| meshes.iter().map(Mesh::closing).collect())
+}
+
+/// The boxes of all triangles that can be hit, in order; of moving ones, around the whole way.
 pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<PackedBox> {
     let count = starts.last().copied().unwrap_or(0) as usize;
     watch.expect(count as u64);
+    let (mut prims, mut skipped) = all_boxes(meshes, starts, watch);
+    if let Some(closing) = closing(meshes) {
+        // Vertices move along lines: what lies between is in the box around both ends.
+        let (ends, some) = all_boxes(&closing, starts, watch);
+        skipped |= some;
+        prims.par_iter_mut().zip(ends).with_min_len(CHUNK).for_each(|(prim, end)| {
+            let id = if end.id() == SKIPPED { SKIPPED } else { prim.id() };
+            *prim = prim.union(&end).with_tags([id; 2]);
+        });
+    }
+    if skipped {
+        prims.retain(|prim| prim.id() != SKIPPED);
+    }
+    prims
+}
+
+/// The boxes of all triangles where the shutter opens, and whether some cannot be hit; those are marked.
+fn all_boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedBox>, bool) {
+    let count = starts.last().copied().unwrap_or(0) as usize;
     let mut prims = Vec::with_capacity(count);
     let skipped = AtomicBool::new(false);
     for (Mesh { positions, indices, .. }, &start) in meshes.iter().zip(starts) {
@@ -81,10 +110,7 @@ pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<P
             prims.par_extend(indices.par_iter().enumerate().with_min_len(CHUNK / 4).map(one));
         }
     }
-    if skipped.into_inner() {
-        prims.retain(|prim| prim.id() != SKIPPED);
-    }
-    prims
+    (prims, skipped.into_inner())
 }
 
 /// Whether a vertex is finite and not too far away.

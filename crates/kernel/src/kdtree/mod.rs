@@ -157,10 +157,13 @@ impl KdTree {
     ///
     /// # Errors
     /// [`BuildError::IndexOutOfRange`] for the first bad vertex index, [`BuildError::TooManyTriangles`] past
-    /// [`KdTree::MAX_TRIANGLES`].
+    /// [`KdTree::MAX_TRIANGLES`], [`BuildError::MotionUnsupported`] if a mesh moves.
     pub fn build(meshes: &[Mesh], options: &KdOptions) -> Result<Self, BuildError> {
         let watch = Watch::new(&());
         let mesh_starts = triangles::number(meshes, &watch)?;
+        if let Some(mesh) = meshes.iter().position(|mesh| mesh.motion.is_some()) {
+            return Err(BuildError::MotionUnsupported { mesh, tree: "a kd-tree" });
+        }
         let boxes = triangles::boxes(meshes, &mesh_starts, &watch);
         let numbers: Vec<u32> = boxes.iter().map(PackedBox::id).collect();
         drop(boxes);

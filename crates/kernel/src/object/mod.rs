@@ -31,6 +31,20 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// The placement at a moment in the shutter interval, from 0 to 1.
+    #[must_use]
+    pub fn parent_from_object_at(&self, time: f32) -> Affine3A {
+        match &self.motion {
+            None => self.parent_from_object,
+            Some(end) => place::between(&self.parent_from_object, end, time),
+        }
+    }
+
+    /// Whether it, or anything in its object, moves while the shutter is open.
+    fn has_motion(&self) -> bool {
+        self.motion.is_some() || self.object.has_motion()
+    }
+
     /// Whether rays can be carried through the placement: finite, invertible, with a finite inverse, at both ends of the
     /// shutter interval.
     #[must_use]
@@ -49,6 +63,7 @@ pub struct Object {
     bounds: Aabb,
     depth: usize,
     path_count: u64,
+    moving: bool,
 }
 
 /// An instance with what traversal needs beside it.
@@ -56,10 +71,21 @@ pub struct Object {
 pub(crate) struct PlacedInstance {
     pub instance: Instance,
     pub object_from_parent: Affine3A,
+    /// Whether it is neither turned nor scaled: directions stay as they are.
+    pub only_moved: bool,
     /// Carries normals up: the inverse transpose of the placement, up to a positive factor.
     pub normal_from_object: Mat3A,
     /// What the path id grows by on the way down.
     pub path_offset: u64,
+}
+
+impl PlacedInstance {
+    /// The inverse of the placement at a moment in the shutter interval, and the matrix for normals; `None` where it
+    /// has no inverse on its way between two that have.
+    #[inline(never)]
+    pub(crate) fn at(&self, time: f32) -> Option<(Affine3A, Mat3A)> {
+        place::invert(&self.instance.parent_from_object_at(time), 0).ok()
+    }
 }
 
 impl fmt::Debug for Object {
@@ -92,6 +118,7 @@ impl Object {
         let placed = instances.into_iter().zip(placements).map(|(instance, placement)| PlacedInstance {
             instance,
             object_from_parent: placement.object_from_parent,
+            only_moved: placement.only_moved(),
             normal_from_object: placement.normal_from_object,
             path_offset: 0,
         });
@@ -104,6 +131,7 @@ impl Object {
         };
         object.number_paths();
         object.unite_bounds();
+        object.look_for_motion();
         Ok(object)
     }
 
@@ -117,6 +145,7 @@ impl Object {
             bounds: Aabb::EMPTY,
             depth: 0,
             path_count: 1,
+            moving: false,
         }
     }
 
@@ -147,6 +176,17 @@ impl Object {
     #[must_use]
     pub fn path_count(&self) -> u64 {
         self.path_count
+    }
+
+    /// Whether anything in the object moves while the shutter is open, so that the times of rays count.
+    #[must_use]
+    pub fn has_motion(&self) -> bool {
+        self.moving
+    }
+
+    fn look_for_motion(&mut self) {
+        self.moving = self.triangles.as_ref().is_some_and(Triangles::has_motion)
+            || self.instances.iter().any(|placed| placed.instance.has_motion());
     }
 
     /// Gives each instance its place in the order of path ids; the total is known not to overflow.

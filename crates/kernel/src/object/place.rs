@@ -39,6 +39,11 @@ impl Placement {
         }
         Ok(Self { object_from_parent, normal_from_object, bounds: packed(bounds) })
     }
+
+    /// Whether directions stay as they are.
+    pub(super) fn only_moved(&self) -> bool {
+        self.object_from_parent.matrix3 == Mat3A::IDENTITY
+    }
 }
 
 /// The placements of `count` instances, each given with the index that names it in errors; in order, on all threads.
@@ -68,6 +73,14 @@ pub(super) fn all<'a>(
     if bad.into_inner() { (0..count).map(one).collect() } else { Ok(placements) }
 }
 
+/// Each entry on its way from one placement to another, which are met exactly at 0 and 1.
+pub(crate) fn between(from: &Affine3A, to: &Affine3A, time: f32) -> Affine3A {
+    Affine3A {
+        matrix3: from.matrix3 * (1.0 - time) + to.matrix3 * time,
+        translation: from.translation * (1.0 - time) + to.translation * time,
+    }
+}
+
 /// Keeps boxes within the range in which the box test's arithmetic is finite; far things stay approximately there.
 fn packed(bounds: Aabb) -> PackedBox {
     let limit = Vec3::splat(MAX_COORDINATE);
@@ -78,7 +91,10 @@ fn packed(bounds: Aabb) -> PackedBox {
 }
 
 /// The inverse of a placement and the matrix that carries normals up through it.
-fn invert(parent_from_object: &Affine3A, instance: usize) -> Result<(Affine3A, Mat3A), BuildError> {
+pub(super) fn invert(
+    parent_from_object: &Affine3A,
+    instance: usize,
+) -> Result<(Affine3A, Mat3A), BuildError> {
     let not_finite = BuildError::NonFiniteTransform { instance };
     if !parent_from_object.is_finite() {
         return Err(not_finite);

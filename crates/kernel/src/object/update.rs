@@ -63,6 +63,7 @@ impl Object {
     pub fn update(&mut self, changes: &mut [InstanceChange]) -> Result<Update, BuildError> {
         self.check_order(changes)?;
         let totals = self.changed_totals(changes)?;
+        let moving = self.moving || changes.iter().any(|change| change.instance.has_motion());
         let placements = place::all(changes.len(), |i| (changes[i].index, &changes[i].instance))?;
         swap(&mut self.instances, 0, changes, &placements);
         if let Some(depth) = totals {
@@ -71,6 +72,9 @@ impl Object {
         }
         let update = self.update_tree(changes, &placements);
         self.unite_bounds();
+        if moving {
+            self.look_for_motion();
+        }
         Ok(update)
     }
 
@@ -144,6 +148,7 @@ fn swap(
             let placed = &mut instances[change.index - first];
             std::mem::swap(&mut placed.instance, &mut change.instance);
             placed.object_from_parent = placement.object_from_parent;
+            placed.only_moved = placement.only_moved();
             placed.normal_from_object = placement.normal_from_object;
         }
         return;

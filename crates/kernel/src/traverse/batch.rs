@@ -74,12 +74,14 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
     }
 }
 
-/// The tree to send packets through, if that can pay: several rays, vectors, and no instances.
+/// The tree to send packets through, if that can pay: several rays, vectors, no instances, and nothing that moves.
 #[inline(always)]
 fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
     let packets = rays >= FEW_RAYS && !matches!(simd.level(), Level::Fallback(_));
     match &root.triangles {
-        Some(Triangles::Bvh(bvh)) if packets && root.instance_tree.wide.is_empty() => Some(bvh),
+        Some(Triangles::Bvh(bvh)) if packets && root.instance_tree.wide.is_empty() && !bvh.has_motion() => {
+            Some(bvh)
+        }
         _ => None,
     }
 }

@@ -4,10 +4,12 @@ use glam::{Mat3A, Vec3, Vec3A};
 
 use super::{finish, local::LocalRay, single, slab::Slab, stack::Stack};
 use crate::{
+    compact::{BlockSource, MovingBlocks},
     kdtree,
     layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
+    triangle_bvh::TriangleBvh,
     triangles::Triangles,
 };
 
@@ -47,10 +49,11 @@ fn closest_triangle<S: Simd>(
 ) -> Option<Hit> {
     let (t, corners, (geometry, primitive)) = match triangles {
         Triangles::Bvh(bvh) => {
-            let best = single::closest(simd, bvh, ray, t_max, stack)?;
-            let mut place = None;
-            let block = bvh.blocks().get(best.block, &mut place);
-            (best.t, block.corners(best.lane), bvh.locate(block.triangle[best.lane & 7]))
+            let (t, corners, triangle) = match bvh.moving_blocks(ray.time) {
+                None => nearest(simd, bvh, bvh.blocks(), ray, t_max, stack)?,
+                Some(blocks) => nearest_moving(simd, bvh, blocks, ray, t_max, stack)?,
+            };
+            (t, corners, bvh.locate(triangle))
         }
         Triangles::KdTree(tree) => {
             let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, t_max)?;
@@ -59,6 +62,56 @@ fn closest_triangle<S: Simd>(
     };
     let exact = finish::exact(ray, corners, t, t_max);
     Some(Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path })
+}
+
+/// Distance, corners and number of the closest triangle.
+type Nearest = (f32, [[f32; 3]; 3], u32);
+
+#[inline(always)]
+fn nearest<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    blocks: impl BlockSource,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<Nearest> {
+    let best = single::closest(simd, bvh, blocks, ray, t_max, stack)?;
+    let mut place = None;
+    let block = blocks.block(best.block, &mut place);
+    Some((best.t, block.corners(best.lane), block.triangle[best.lane & 7]))
+}
+
+/// A call, so that the code around it stays as for trees in which nothing moves.
+#[inline(never)]
+fn nearest_moving<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    blocks: MovingBlocks<'_>,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<Nearest> {
+    simd.vectorize(
+        #[inline(always)]
+        || nearest(simd, bvh, blocks, ray, t_max, stack),
+    )
+}
+
+/// As [`nearest_moving`], for any hit.
+#[inline(never)]
+fn any_moving<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    blocks: MovingBlocks<'_>,
+    ray: &LocalRay,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    simd.vectorize(
+        #[inline(always)]
+        || single::any(simd, bvh, blocks, ray, t_max, stack),
+    )
 }
 
 #[inline(always)]
@@ -108,7 +161,15 @@ fn enter_closest<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let Some(local) = ray.transformed(&placed.object_from_parent) else { return false };
+    let moved;
+    let (object_from_parent, normal_from_object) = if placed.instance.motion.is_none() {
+        (&placed.object_from_parent, &placed.normal_from_object)
+    } else {
+        moved = placed.at(ray.time);
+        let Some((object_from_parent, normal_from_object)) = &moved else { return false };
+        (object_from_parent, normal_from_object)
+    };
+    let Some(local) = ray.transformed(object_from_parent) else { return false };
     let path = PathId(path.0 + placed.path_offset);
     let object = &placed.instance.object;
     let found = simd.vectorize(
@@ -116,7 +177,7 @@ fn enter_closest<S: Simd>(
         || closest(simd, object, &local, path, hit, stack),
     );
     if found {
-        hit.ng = carry_normal(&placed.normal_from_object, hit.ng);
+        hit.ng = carry_normal(normal_from_object, hit.ng);
     }
     found
 }
@@ -135,7 +196,10 @@ pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
 pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
     let met = match &object.triangles {
         None => false,
-        Some(Triangles::Bvh(bvh)) => single::any(simd, bvh, ray, t_max, stack),
+        Some(Triangles::Bvh(bvh)) => match bvh.moving_blocks(ray.time) {
+            None => single::any(simd, bvh, bvh.blocks(), ray, t_max, stack),
+            Some(blocks) => any_moving(simd, bvh, blocks, ray, t_max, stack),
+        },
         Some(Triangles::KdTree(tree)) => {
             kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, t_max).is_some()
         }
@@ -187,7 +251,12 @@ fn enter_any<S: Simd>(
     t_max: f32,
     stack: &mut Stack,
 ) -> bool {
-    let Some(local) = ray.transformed(&placed.object_from_parent) else { return false };
+    let local = if placed.instance.motion.is_none() {
+        ray.transformed(&placed.object_from_parent)
+    } else {
+        placed.at(ray.time).and_then(|(object_from_parent, _)| ray.transformed(&object_from_parent))
+    };
+    let Some(local) = local else { return false };
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]

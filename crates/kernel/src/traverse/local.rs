@@ -9,6 +9,8 @@ pub(super) struct LocalRay {
     pub direction: Vec3A,
     /// Not negative.
     pub t_min: f32,
+    /// The moment in the shutter interval, in 0..=1.
+    pub time: f32,
 }
 
 impl LocalRay {
@@ -33,7 +35,12 @@ impl LocalRay {
     /// A ray that [`LocalRay::new`] accepts.
     #[inline(always)]
     pub(super) fn unchecked(ray: &Ray) -> Self {
-        Self { origin: ray.origin.into(), direction: ray.direction.into(), t_min: ray.t_min.max(0.0) }
+        Self {
+            origin: ray.origin.into(),
+            direction: ray.direction.into(),
+            t_min: ray.t_min.max(0.0),
+            time: ray.clamped_time(),
+        }
     }
 
     /// The ray carried into another space; parameters stay the same. `None` if it leaves the usable range.
@@ -43,6 +50,7 @@ impl LocalRay {
             origin: map.transform_point3a(self.origin),
             direction: map.transform_vector3a(self.direction),
             t_min: self.t_min,
+            time: self.time,
         };
         local.in_range().then_some(local)
     }

@@ -71,14 +71,19 @@ pub(crate) fn occluded(level: Level, root: &Object, rays: &[Ray], occluded: &mut
 }
 
 pub(crate) fn intersect_tile(level: Level, root: &Object, tile: &Tile, hits: &mut [Hit]) {
-    dispatch_wide!(level, simd => tile::intersect(simd, root, tile, hits));
+    // Rays of different times have no frustum in the space of something that moves.
+    if !root.has_motion() {
+        dispatch_wide!(level, simd => tile::intersect(simd, root, tile, hits));
+    }
     for (i, hit) in hits.iter_mut().enumerate().take(tile.len()) {
         intersect(level, root, tile.ray(i).as_slice(), std::slice::from_mut(hit));
     }
 }
 
 pub(crate) fn occluded_tile(level: Level, root: &Object, tile: &Tile, occluded: &mut [bool]) {
-    dispatch_wide!(level, simd => tile::occluded(simd, root, tile, occluded));
+    if !root.has_motion() {
+        dispatch_wide!(level, simd => tile::occluded(simd, root, tile, occluded));
+    }
     for (i, out) in occluded.iter_mut().enumerate().take(tile.len()) {
         self::occluded(level, root, tile.ray(i).as_slice(), std::slice::from_mut(out));
     }

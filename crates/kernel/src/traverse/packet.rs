@@ -285,10 +285,12 @@ impl Packet {
             let t_max = self.t_max[lane];
             let slab = self.slab_of(simd, lane, near);
             if ANY {
-                if single::any_below(simd, bvh, &slab, &shear, child, t_max, stack) {
+                if single::any_below(simd, bvh, bvh.blocks(), &slab, &shear, child, t_max, stack) {
                     (self.id[lane], self.t_max[lane]) = (0, -1.0);
                 }
-            } else if let Some(best) = single::closest_below(simd, bvh, &slab, &shear, child, t_max, stack) {
+            } else if let Some(best) =
+                single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, t_max, stack)
+            {
                 self.id[lane] = (best.block * WIDTH + best.lane) as u32;
                 self.t_max[lane] = best.t;
             }

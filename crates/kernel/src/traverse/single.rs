@@ -2,7 +2,7 @@
 use fearless_simd::{f32x8, prelude::*};
 
 use super::{local::LocalRay, shear::Shear, slab::Slab, stack::Stack};
-use crate::{compact::Blocks, layout::Child, triangle_bvh::TriangleBvh};
+use crate::{compact::BlockSource, layout::Child, triangle_bvh::TriangleBvh};
 
 /// A triangle that a traversal settled on.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +17,7 @@ pub(super) struct Candidate {
 pub(super) fn closest<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
+    blocks: impl BlockSource,
     ray: &LocalRay,
     t_max: f32,
     stack: &mut Stack,
@@ -26,21 +27,26 @@ pub(super) fn closest<S: Simd>(
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
-    closest_below(simd, bvh, &slab, &shear, Child::inner(0), t_max, stack)
+    closest_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), t_max, stack)
 }
 
 /// As [`closest`], in the subtree `start`.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a ray set up for boxes and triangles, and the tree in two parts"
+)]
 #[inline(always)]
 pub(super) fn closest_below<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
+    blocks: impl BlockSource,
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
     t_max: f32,
     stack: &mut Stack,
 ) -> Option<Candidate> {
-    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
+    let nodes = bvh.tree.view();
     let mark = stack.mark();
     let mut best = None;
     let mut t_max = t_max;
@@ -75,12 +81,12 @@ pub(super) fn closest_below<S: Simd>(
 fn closest_in_block<S: Simd>(
     simd: S,
     shear: &Shear<S>,
-    blocks: Blocks<'_>,
+    blocks: impl BlockSource,
     block: usize,
     t_max: &mut f32,
     best: &mut Option<Candidate>,
 ) {
-    let (t, mut bits) = shear.test(blocks.get(block, &mut None), f32x8::splat(simd, *t_max));
+    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, *t_max));
     if bits == 0 {
         return;
     }
@@ -100,6 +106,7 @@ fn closest_in_block<S: Simd>(
 pub(super) fn any<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
+    blocks: impl BlockSource,
     ray: &LocalRay,
     t_max: f32,
     stack: &mut Stack,
@@ -109,21 +116,26 @@ pub(super) fn any<S: Simd>(
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
-    any_below(simd, bvh, &slab, &shear, Child::inner(0), t_max, stack)
+    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), t_max, stack)
 }
 
 /// As [`any`], in the subtree `start`.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a ray set up for boxes and triangles, and the tree in two parts"
+)]
 #[inline(always)]
 pub(super) fn any_below<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
+    blocks: impl BlockSource,
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
     t_max: f32,
     stack: &mut Stack,
 ) -> bool {
-    let (nodes, blocks) = (bvh.tree.view(), bvh.blocks());
+    let nodes = bvh.tree.view();
     let limit = f32x8::splat(simd, t_max);
     let mark = stack.mark();
     let mut current = start;
@@ -131,7 +143,7 @@ pub(super) fn any_below<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                if shear.test(blocks.get(block, &mut None), limit).1 != 0 {
+                if shear.test(blocks.block(block, &mut None), limit).1 != 0 {
                     stack.cut(mark);
                     return true;
                 }

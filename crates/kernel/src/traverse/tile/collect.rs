@@ -16,20 +16,21 @@ use crate::{
 /// Up to so many lanes that share a triangle are filled one by one.
 const FEW_LANES: u32 = 3;
 
-/// Writes the hits of all rays of `work` that found a triangle.
+/// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
 #[inline(always)]
 pub(super) fn hits<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     path: PathId,
     rays: Rays<'_>,
-    work: &Work,
+    mask: u16,
+    work: &mut Work,
     answers: &mut Answers<'_>,
 ) {
     let mut gathered = Gathered::EMPTY;
     let mut mesh = MeshOf::default();
     for g in 0..work.groups {
-        let bits = found(simd, work, g);
+        let bits = if mask >> g & 1 != 0 { found(simd, work, g) } else { 0 };
         if bits == 0 {
             continue;
         }
@@ -42,19 +43,30 @@ pub(super) fn hits<S: Simd>(
             let slot = rays.slot[(g * GROUP + lane) & (Tile::CAPACITY - 1)];
             answers.put(slot, words.hit(lane, path));
         }
+        work.id[g] = [Work::NONE; GROUP];
     }
 }
 
-/// Marks all rays of `work` that found a triangle.
+/// Marks the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
 #[inline(always)]
-pub(super) fn occluded<S: Simd>(simd: S, rays: Rays<'_>, work: &Work, answers: &mut Answers<'_>) {
+pub(super) fn occluded<S: Simd>(
+    simd: S,
+    rays: Rays<'_>,
+    mask: u16,
+    work: &mut Work,
+    answers: &mut Answers<'_>,
+) {
     for g in 0..work.groups {
-        let mut rest = found(simd, work, g);
+        let mut rest = if mask >> g & 1 != 0 { found(simd, work, g) } else { 0 };
+        if rest == 0 {
+            continue;
+        }
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
             answers.set(rays.slot[g * GROUP + lane]);
         }
+        work.id[g] = [Work::NONE; GROUP];
     }
 }
 
@@ -117,7 +129,7 @@ fn gather<S: Simd>(
 fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, work: &Work, g: usize) -> Words {
     let face = work.face;
     let [ku, kv, kk] = face.axes.map(|axis| axis % 3);
-    let origin = rays.tile.origin.to_array();
+    let origin = rays.origin.to_array();
     let sign = f32x16::splat(simd, face.sign);
     let scale = sign / f32x16::load_array_ref(simd, &work.scale[g]);
     let iz = f32x16::load_array_ref(simd, &work.iz[g]);

@@ -119,7 +119,7 @@ fn group<S: Simd, const ANY: bool>(
 fn packet<S: Simd>(simd: S, tree: &KdTree, rays: Rays<'_>, work: &Work, g: usize, used: u16) -> Packet<S> {
     let lanes = mask16(simd, used);
     let first = rays.direction(g * GROUP).to_array();
-    let [x, y, z] = rays.tile.origin.to_array();
+    let [x, y, z] = rays.origin.to_array();
     let origin = [f32x16::splat(simd, x), f32x16::splat(simd, y), f32x16::splat(simd, z)];
     let mut direction = origin;
     for (axis, direction) in direction.iter_mut().enumerate() {

@@ -4,6 +4,7 @@
 mod collect;
 mod kd;
 mod leaf;
+mod nested;
 mod walk;
 mod work;
 
@@ -12,13 +13,13 @@ use std::cell::Cell;
 use fearless_simd::prelude::*;
 
 use self::{
-    leaf::{Leaf, Setup, rays_in_box},
+    leaf::{Leaf, Setup},
     walk::{Frame, Visit, next_leaf},
-    work::{Face, GROUP, LevelRays, Rays, Work},
+    work::{Face, LevelRays, Rays, Work},
 };
-use super::{batch, instances, local::LocalRay, stack::Stack};
+use super::{batch, local::LocalRay, stack::Stack};
 use crate::{
-    object::{Object, PlacedInstance},
+    object::Object,
     ray::{Hit, PathId},
     tile::Tile,
     triangle_bvh::TriangleBvh,
@@ -155,7 +156,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut
     let mut answers = Answers { hits: &mut *hits, found: [0; 4], below: [0; 4] };
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
-    enter::<S, false>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
+    run::<S, false>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     for (word, found) in answers.found.into_iter().enumerate() {
         let mut missed = !found;
         while missed != 0 {
@@ -178,7 +179,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &
     let mut answers = Answers { hits: &mut [], found: [0; 4], below: [0; 4] };
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
-    enter::<S, true>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
+    run::<S, true>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     for (i, out) in occluded[..len].iter_mut().enumerate() {
         *out = has(&answers.found, i as u8);
     }
@@ -190,11 +191,11 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &
 fn usable<'a, S: Simd>(simd: S, some: &'a mut LevelRays, tile: &'a Tile, len: usize) -> Rays<'a> {
     let in_range = LocalRay::origin_in_range(tile.origin.into());
     if in_range && work::all_usable(simd, tile, len) {
-        return Rays { tile, slot: &IDENTITY, len };
+        return Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
     }
     some.tile.restart(tile.origin);
     for i in 0..len {
-        let all = Rays { tile, slot: &IDENTITY, len };
+        let all = Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
         let ray = LocalRay { t_min: tile.t_min[i].max(0.0), ..all.ray(i) };
         if ray.in_range() && !tile.t_min[i].is_nan() && ray.t_min < tile.t_max[i] {
             some.push(ray.direction, ray.t_min, tile.t_max[i], i as u8);
@@ -244,7 +245,7 @@ fn run<S: Simd, const ANY: bool>(
 /// Moves the rays that `face` takes from the `waiting` ones to `chosen`.
 #[inline(always)]
 fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRays) {
-    chosen.tile.restart(rays.tile.origin);
+    chosen.tile.restart(rays.origin);
     for i in 0..rays.len {
         let direction = rays.direction(i);
         if has(waiting, i as u8) && face.takes(direction) {
@@ -300,36 +301,57 @@ fn one_face<S: Simd, const ANY: bool>(
         return few::<S, ANY>(simd, object, path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
+    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, work, answers, scratch);
+}
+
+/// Answers the groups in `mask` of projected rays in `object`.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
+#[inline(always)]
+fn in_object<S: Simd, const ANY: bool>(
+    simd: S,
+    object: &Object,
+    path: PathId,
+    rays: Rays<'_>,
+    mask: u16,
+    work: &mut Work,
+    answers: &mut Answers<'_>,
+    scratch: &mut Scratch,
+) {
     match &object.triangles {
         Some(Triangles::Bvh(bvh)) if !bvh.tree.is_empty() => {
-            triangles::<S, ANY>(simd, bvh, rays, work, &mut scratch.visits);
+            triangles::<S, ANY>(simd, bvh, rays, mask, work, &mut scratch.visits);
             if ANY {
-                collect::occluded(simd, rays, work, answers);
+                collect::occluded(simd, rays, mask, work, answers);
             } else {
-                collect::hits(simd, bvh, path, rays, work, answers);
+                collect::hits(simd, bvh, path, rays, mask, work, answers);
             }
         }
+        // It looks at all groups, and as far as the rays go.
         Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
         _ => {}
     }
     if !object.instance_tree.wide.nodes.is_empty() {
-        nested::<S, ANY>(simd, object, path, rays, work, answers, scratch);
+        nested::instances::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch);
     }
 }
 
-/// All groups through the triangle tree.
+/// The groups in `mask` through the triangle tree.
 #[inline(always)]
 fn triangles<S: Simd, const ANY: bool>(
     simd: S,
     bvh: &TriangleBvh,
     rays: Rays<'_>,
+    mask: u16,
     work: &mut Work,
     visits: &mut Vec<Visit>,
 ) {
-    let frame = Frame::new(rays.tile.origin.to_array(), bvh.tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
-    visits.push(Visit::ROOT);
+    visits.push(Visit { mask, ..Visit::ROOT });
     while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
         let (first, end) = visit.child.block_range();
         let leaf = Leaf::new(simd, &frame, bvh.blocks(), &visit.range, visit.mask, work);
@@ -349,129 +371,4 @@ fn triangles<S: Simd, const ANY: bool>(
         }
     }
     visits.truncate(mark);
-}
-
-/// All groups through the instance tree.
-#[inline(always)]
-fn nested<S: Simd, const ANY: bool>(
-    simd: S,
-    object: &Object,
-    path: PathId,
-    rays: Rays<'_>,
-    work: &mut Work,
-    answers: &mut Answers<'_>,
-    scratch: &mut Scratch,
-) {
-    let frame = Frame::new(rays.tile.origin.to_array(), object.instance_tree.wide.extent, work);
-    let mark = scratch.visits.len();
-    scratch.visits.push(Visit::ROOT);
-    while let Some(visit) = next_leaf(
-        simd,
-        &object.instance_tree.wide,
-        &object.instances[..],
-        &frame,
-        work,
-        &mut scratch.visits,
-        mark,
-    ) {
-        let placed = &object.instances[visit.child.payload() as usize];
-        let (mask, wanted) = rays_in_box(simd, work, visit.mask, &visit.range, frame.slack);
-        if mask == 0 {
-            continue;
-        }
-        let mut level = scratch.take();
-        if descend::<ANY>(placed, rays, &wanted, answers, &mut level.rays) {
-            let before = std::mem::take(&mut answers.below);
-            let path = PathId(path.0 + placed.path_offset);
-            let Level { rays: below, faces } = &mut *level;
-            enter::<S, ANY>(simd, &placed.instance.object, path, below.rays(), faces, answers, scratch);
-            let below = std::mem::replace(&mut answers.below, before);
-            merge::<S, ANY>(simd, placed, rays, work, mask, &below, answers);
-        }
-        scratch.levels.push(level);
-        if work.far < 0.0 {
-            break;
-        }
-    }
-    scratch.visits.truncate(mark);
-}
-
-/// Carries the `wanted` rays of each group into the instance's space; false if none stays in the usable range.
-#[inline(always)]
-fn descend<const ANY: bool>(
-    placed: &PlacedInstance,
-    rays: Rays<'_>,
-    wanted: &[u16; GROUP],
-    answers: &Answers<'_>,
-    below: &mut LevelRays,
-) -> bool {
-    let map = &placed.object_from_parent;
-    let origin = map.transform_point3a(rays.tile.origin.into());
-    below.tile.restart(origin.into());
-    for i in 0..rays.len {
-        if wanted[i / GROUP] >> (i % GROUP) & 1 == 0 {
-            continue;
-        }
-        let slot = rays.slot[i];
-        let t_max = if ANY { rays.tile.t_max[i] } else { answers.limit(slot, rays.tile.t_max[i]) };
-        let direction = map.transform_vector3a(rays.direction(i));
-        let local = LocalRay { origin, direction, t_min: rays.tile.t_min[i] };
-        if local.in_range() {
-            below.push(direction, rays.tile.t_min[i], t_max, slot);
-        }
-    }
-    !below.tile.is_empty()
-}
-
-/// A call of its own, so that nesting recurses; it takes the instruction set along.
-#[inline(never)]
-fn enter<S: Simd, const ANY: bool>(
-    simd: S,
-    object: &Object,
-    path: PathId,
-    rays: Rays<'_>,
-    faces: &mut Faces,
-    answers: &mut Answers<'_>,
-    scratch: &mut Scratch,
-) {
-    simd.vectorize(
-        #[inline(always)]
-        || run::<S, ANY>(simd, object, path, rays, faces, answers, scratch),
-    );
-}
-
-/// Brings what an instance found back up: normals, limits, and which slots.
-#[inline(always)]
-fn merge<S: Simd, const ANY: bool>(
-    simd: S,
-    placed: &PlacedInstance,
-    rays: Rays<'_>,
-    work: &mut Work,
-    mask: u16,
-    below: &Slots,
-    answers: &mut Answers<'_>,
-) {
-    if *below == [0; 4] {
-        return;
-    }
-    for i in 0..rays.len {
-        let (g, lane, slot) = (i / GROUP, i % GROUP, rays.slot[i]);
-        if mask >> g & 1 == 0 || !has(below, slot) {
-            continue;
-        }
-        answers.set(slot);
-        if ANY {
-            work.iz[g][lane] = f32::INFINITY;
-        } else {
-            let hit = &mut answers.hits[usize::from(slot)];
-            hit.ng = instances::carry_normal(&placed.normal_from_object, hit.ng);
-            work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
-        }
-    }
-    let mut rest = mask;
-    while rest != 0 {
-        work.update_reach(simd, (rest.trailing_zeros() & 15) as usize);
-        rest &= rest - 1;
-    }
-    work.update_far(simd);
 }

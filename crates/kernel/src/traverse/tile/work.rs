@@ -2,8 +2,8 @@
 //!
 //! The dominant axis k points away from the origin; a ray is (u, v) = its direction over its k component, and a
 //! depth K along k is kept as its reciprocal `iz`, which is linear over a triangle. A larger `iz` is nearer.
-use fearless_simd::{f32x16, prelude::*};
-use glam::{Vec3, Vec3A};
+use fearless_simd::{f32x16, mask32x16, prelude::*};
+use glam::{Affine3A, Vec3, Vec3A};
 
 use crate::{tile::Tile, traverse::local::LocalRay};
 
@@ -20,6 +20,8 @@ pub(super) type PerRay<T> = [[T; GROUP]; GROUP];
 /// Rays in the space of the object at hand; `slot` is each ray's place in the caller's tile.
 #[derive(Clone, Copy)]
 pub(super) struct Rays<'a> {
+    /// Common origin; that of the tile counts for nothing.
+    pub origin: Vec3,
     pub tile: &'a Tile,
     pub slot: &'a [u8; Tile::CAPACITY],
     pub len: usize,
@@ -42,9 +44,32 @@ impl LevelRays {
         }
     }
 
+    /// Adds the lanes in `bits` of a group: directions, starts and ends.
+    #[inline(always)]
+    pub(super) fn push_group(&mut self, lanes: &[[f32; GROUP]; 5], slots: &[u8], bits: u16) {
+        let [x, y, z, t_min, t_max] = lanes;
+        let at = self.tile.len;
+        if bits == u16::MAX && at + GROUP <= Tile::CAPACITY {
+            for (to, from) in self.tile.direction.iter_mut().zip([x, y, z]) {
+                to[at..at + GROUP].copy_from_slice(from);
+            }
+            self.tile.t_min[at..at + GROUP].copy_from_slice(t_min);
+            self.tile.t_max[at..at + GROUP].copy_from_slice(t_max);
+            self.slot[at..at + GROUP].copy_from_slice(slots);
+            self.tile.len = at + GROUP;
+            return;
+        }
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            self.push(Vec3A::new(x[lane], y[lane], z[lane]), t_min[lane], t_max[lane], slots[lane]);
+        }
+    }
+
     #[inline(always)]
     pub(super) fn rays(&self) -> Rays<'_> {
-        Rays { tile: &self.tile, slot: &self.slot, len: self.tile.len }
+        Rays { origin: self.tile.origin, tile: &self.tile, slot: &self.slot, len: self.tile.len }
     }
 }
 
@@ -84,11 +109,33 @@ impl Rays<'_> {
         Vec3A::new(x[i], y[i], z[i])
     }
 
+    /// The directions of group `g` after `map`, and those of its lanes that stay in the usable range.
+    #[inline(always)]
+    pub(super) fn mapped<S: Simd>(
+        &self,
+        simd: S,
+        map: &Affine3A,
+        g: usize,
+    ) -> ([f32x16<S>; 3], mask32x16<S>) {
+        let [dx, dy, dz] = &self.tile.direction;
+        let dx = f32x16::load_array_ref(simd, &dx.as_chunks::<GROUP>().0[g]);
+        let dy = f32x16::load_array_ref(simd, &dy.as_chunks::<GROUP>().0[g]);
+        let dz = f32x16::load_array_ref(simd, &dz.as_chunks::<GROUP>().0[g]);
+        let columns = map.matrix3;
+        let (x, y, z) = (columns.x_axis, columns.y_axis, columns.z_axis);
+        let mapped = [
+            dx * x.x + (dy * y.x + dz * z.x),
+            dx * x.y + (dy * y.y + dz * z.y),
+            dx * x.z + (dy * y.z + dz * z.z),
+        ];
+        (mapped, directions_usable(simd, mapped))
+    }
+
     /// Ray `i` on its own.
     #[inline(always)]
     pub(super) fn ray(&self, i: usize) -> LocalRay {
         let t_min = self.tile.t_min[i];
-        LocalRay { origin: self.tile.origin.into(), direction: self.direction(i), t_min }
+        LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, time: 0.0 }
     }
 }
 
@@ -262,34 +309,41 @@ pub(super) fn all_usable<S: Simd>(simd: S, tile: &Tile, len: usize) -> bool {
     let [x, y, z] = &tile.direction;
     let (x, y, z) = (x.as_chunks::<GROUP>().0, y.as_chunks::<GROUP>().0, z.as_chunks::<GROUP>().0);
     let (t_min, t_max) = (tile.t_min.as_chunks::<GROUP>().0, tile.t_max.as_chunks::<GROUP>().0);
-    let (least, most) = (*LocalRay::DIRECTION_RANGE.start(), *LocalRay::DIRECTION_RANGE.end());
     let zero = f32x16::splat(simd, 0.0);
     let mut bad = 0;
     for g in 0..len.div_ceil(GROUP) {
-        let dx = f32x16::load_array_ref(simd, &x[g]).abs();
-        let dy = f32x16::load_array_ref(simd, &y[g]).abs();
-        let dz = f32x16::load_array_ref(simd, &z[g]).abs();
-        let most = f32x16::splat(simd, most);
+        let dx = f32x16::load_array_ref(simd, &x[g]);
+        let dy = f32x16::load_array_ref(simd, &y[g]);
+        let dz = f32x16::load_array_ref(simd, &z[g]);
         let start = f32x16::load_array_ref(simd, &t_min[g]);
         let end = f32x16::load_array_ref(simd, &t_max[g]);
-        // Every comparison is false for NaN.
-        let finite = dx.simd_le(most) & dy.simd_le(most) & dz.simd_le(most);
-        let long = dx.max(dy).max(dz).simd_ge(f32x16::splat(simd, least));
         // Negative starts go the slow way, which clamps them.
         let interval = start.simd_lt(end) & start.simd_ge(zero);
-        let good = (finite & long & interval).to_bitmask();
+        let good = (directions_usable(simd, [dx, dy, dz]) & interval).to_bitmask();
         bad |= !good & first_lanes(simd, len - g * GROUP).to_bitmask();
     }
     bad == 0
 }
 
+/// Whether directions are in the range where the arithmetic holds, as [`LocalRay::in_range`].
+#[inline(always)]
+fn directions_usable<S: Simd>(simd: S, direction: [f32x16<S>; 3]) -> mask32x16<S> {
+    let [x, y, z] = direction;
+    let (x, y, z) = (x.abs(), y.abs(), z.abs());
+    let (least, most) = (*LocalRay::DIRECTION_RANGE.start(), *LocalRay::DIRECTION_RANGE.end());
+    let most = f32x16::splat(simd, most);
+    // Every comparison is false for NaN.
+    let finite = x.simd_le(most) & y.simd_le(most) & z.simd_le(most);
+    finite & x.max(y).max(z).simd_ge(f32x16::splat(simd, least))
+}
+
 /// The first `count` of 16 lanes.
 #[inline(always)]
-fn first_lanes<S: Simd>(simd: S, count: usize) -> fearless_simd::mask32x16<S> {
+fn first_lanes<S: Simd>(simd: S, count: usize) -> mask32x16<S> {
     mask16(simd, ((1_u32 << count.min(GROUP)) - 1) as u16)
 }
 
 #[inline(always)]
-pub(super) fn mask16<S: Simd>(simd: S, bits: u16) -> fearless_simd::mask32x16<S> {
-    fearless_simd::mask32x16::from_bitmask(simd, u64::from(bits))
+pub(super) fn mask16<S: Simd>(simd: S, bits: u16) -> mask32x16<S> {
+    mask32x16::from_bitmask(simd, u64::from(bits))
 }
