@@ -13,7 +13,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
-use heliostat_scene::Edit;
+use heliostat_scene::{Edit, Timeline};
 
 mod atrium;
 mod conference;
@@ -40,7 +40,7 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
         ),
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),
-        ("cornell", "the Cornell box by its measured dimensions"),
+        ("cornell", "the Cornell box by its measured dimensions; its blocks can turn"),
         ("spheres", "the material model: metals, plastics, lacquers and glass over roughness"),
     ]
 }
@@ -56,4 +56,12 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
         "spheres" => spheres::build(),
         _ => return None,
     })
+}
+
+/// How the scene `name` moves; empty for those that stand still. At time 0 it stands as [`build`] makes it.
+pub fn timeline(name: &str) -> Timeline {
+    match name {
+        "cornell" => cornell::timeline(),
+        _ => Timeline::default(),
+    }
 }
