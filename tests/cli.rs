@@ -72,7 +72,7 @@ fn wrong_command_lines_exit_with_2() {
     for (arguments, message) in [
         ("paint", "unrecognized subcommand"),
         ("render cornell", "--output"),
-        ("render -o a.gif", "end the name in .png, .exr or .hdr"),
+        ("render -o a.gif", "end the name in .png, .exr, .hdr or .apng"),
         ("render -o a.png --size 1000000x1000000", "the limit is 65536"),
         ("render -o a.png --size 12", "WIDTHxHEIGHT"),
         ("render -o a.png --filter sinc", "blackman-harris"),
@@ -84,6 +84,12 @@ fn wrong_command_lines_exit_with_2() {
         ("render -o a.png --eye 1,2,3 --target 0,0,0 --camera 0", "cannot be used with"),
         ("render -o a.png --aov beauty", "depth"),
         ("render -o a.png --frames 4..2", "holds no frame"),
+        ("render -o a.png --frames 0..2 --time 1", "cannot be used with"),
+        ("render -o a.png --fps 0", "frames per second"),
+        ("render -o a.png --shutter 2", "from 0 to 1"),
+        ("render -o a.png --animate a.webp", ".apng"),
+        ("render cornell -o a.apng --aov depth", "no room for planes"),
+        ("render cornell -o a.png --clip walk", "0 `turn`"),
         ("render cornell -o a.png --camera roof", "0 `front`"),
         ("render cornell -o a.png --eye 1,1,1 --target 1,1,1", "same point"),
         ("compare a.png b.png --blur 4", "odd"),
@@ -200,6 +206,56 @@ fn render_reports_and_writes_planes() {
     let expected =
         ["deep.exr", "flat.depth.png", "flat.normal.png", "flat.png", "seq.0003.hdr", "seq.0004.hdr"];
     assert_eq!(files(&folder), expected);
+}
+
+#[test]
+fn sequences_move_and_keep_their_exposure() {
+    let folder = folder("sequence");
+    let common = "render cornell --renderer direct --size 24x24 --spp 1 --json";
+    let output =
+        heliostat(&folder, &format!("{common} -o a.png --frames 0..3 --fps 2 --shutter 0.5 --animate b.png"));
+    expect_code(&output, 0);
+    let lines: Vec<Value> = stdout(&output).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let times: Vec<_> = lines.iter().map(|line| line["time"].as_f64().unwrap()).collect();
+    assert_eq!(times, [0.0, 0.5, 1.0]);
+    assert!(lines.iter().all(|line| line["clip"] == "turn" && line["exposure"] == lines[0]["exposure"]));
+    // Only the blocks move: the second frame builds no triangles.
+    let second = lines[1]["apply"]["rebuilt"].as_array().unwrap();
+    assert!(!second.is_empty() && second.iter().all(|r| r["reason"] == "InstanceMoved"), "{second:?}");
+    assert_eq!(files(&folder), ["a.0000.png", "a.0001.png", "a.0002.png", "b.png"]);
+    let picture = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    assert_ne!(picture("a.0000.png"), picture("a.0001.png"));
+    assert!(picture("b.png").windows(4).any(|chunk| chunk == b"acTL"));
+
+    // A single frame is that moment of the clip; beyond the end it stays there, and a note says so.
+    for (name, options) in
+        [("s.exr", "--time 0.5"), ("t.exr", "--frames 1 --fps 2 --clip turn"), ("e.exr", "--time 9")]
+    {
+        let output = heliostat(&folder, &format!("{common} -o {name} {options}"));
+        expect_code(&output, 0);
+        assert_eq!(stderr(&output).contains("ends after 4.000 s"), name == "e.exr", "{}", stderr(&output));
+    }
+    let rest = heliostat(&folder, &format!("{common} -o r.exr"));
+    expect_code(&rest, 0);
+    let rest: Value = serde_json::from_str(&stdout(&rest)).unwrap();
+    assert!(rest["time"].is_null() && rest["clip"].is_null());
+    assert_eq!(picture("r.exr"), picture("e.exr"), "after a whole turn the blocks stand as at rest");
+
+    expect_code(&heliostat(&folder, &format!("{common} -o only.apng --frames 0..2")), 0);
+    assert!(
+        files(&folder).contains(&"only.apng".to_owned())
+            && !files(&folder).iter().any(|f| f.ends_with(".part"))
+    );
+    let still = heliostat(&folder, "render spheres --size 8x8 --spp 1 -o x.png --frames 0..2");
+    expect_code(&still, 0);
+    assert!(stderr(&still).contains("nothing in this scene moves"), "{}", stderr(&still));
+
+    let info: Value = serde_json::from_str(&stdout(&heliostat(&folder, "info cornell --json"))).unwrap();
+    assert_eq!(
+        (&info["clips"][0]["name"], &info["clips"][0]["moves"]["instances"]),
+        (&"turn".into(), &2.into())
+    );
+    assert!(stdout(&heliostat(&folder, "info cornell")).contains("`turn`, 4.000 s, moves 2 instances"));
 }
 
 #[test]

@@ -65,7 +65,7 @@ pub(super) fn report(failure: &Failure) {
 /// # Errors
 /// Those of the work; [`Failure::cancelled`] after Ctrl-C.
 pub(super) fn with_progress<T: Send + 'static>(
-    label: &'static str,
+    label: impl Into<String>,
     work: impl FnOnce(&Progress) -> Result<T, Failure> + Send + 'static,
 ) -> Result<T, Failure> {
     const GRACE: u32 = 40;
@@ -74,7 +74,8 @@ pub(super) fn with_progress<T: Send + 'static>(
     let (sender, receiver) = std::sync::mpsc::channel();
     // Detached: once the result is sent nothing is left to do, and abandoned work ends with the program.
     std::thread::spawn(move || _ = sender.send(work(&shared)));
-    let bar = bar(label);
+    let label = label.into();
+    let bar = bar(label.clone());
     let mut polls_since_cancel = 0;
     loop {
         match receiver.recv_timeout(Duration::from_millis(50)) {
@@ -103,7 +104,7 @@ pub(super) fn with_progress<T: Send + 'static>(
 }
 
 /// A bar on stderr; indicatif hides it by itself when stderr is no terminal.
-fn bar(label: &'static str) -> ProgressBar {
+fn bar(label: String) -> ProgressBar {
     let bar = ProgressBar::new(0).with_message(label);
     let style = ProgressStyle::with_template("{msg:>9} {wide_bar} {percent:>3} %  {elapsed}, {eta} left");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));

@@ -46,7 +46,7 @@ impl Failure {
     }
 
     pub(super) fn cancelled() -> Self {
-        Self::new("cancelled; nothing was written")
+        Self::new("cancelled; no unfinished picture was written")
     }
 
     pub(super) fn exit_code(&self) -> ExitCode {

@@ -1,12 +1,13 @@
 //! `heliostat info`: what was read.
 
-use heliostat::formats::{Diagnostic, Severity};
-use heliostat::scene::{Camera, Environment, LightKind, Projection, Scene};
+use heliostat::formats::Severity;
+use heliostat::scene::{Camera, Clip, Environment, LightKind, Projection, Scene, Target};
 use serde_json::{Value, json};
 
+use super::console;
 use super::failure::Failure;
+use super::input::{self, Source};
 use super::statistics::{Statistics, image_bytes};
-use super::{console, input};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -22,15 +23,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut scene = Scene::default();
     scene.apply(&source.edits)?;
     let text = if arguments.json {
-        json(&arguments.scene, &scene, &source.diagnostics).to_string()
+        json(&arguments.scene, &scene, &source).to_string()
     } else {
-        table(&scene, &source.diagnostics)
+        table(&scene, &source)
     };
     console::result(&text)?;
     Ok(())
 }
 
-fn json(name: &str, scene: &Scene, diagnostics: &[Diagnostic]) -> Value {
+fn json(name: &str, scene: &Scene, source: &Source) -> Value {
     let s = Statistics::of(scene);
     let bounds = scene.bounds().map(|b| json!({"min": b.min.to_array(), "max": b.max.to_array()}));
     let textures = scene.textures().values().map(|t| {
@@ -42,7 +43,13 @@ fn json(name: &str, scene: &Scene, diagnostics: &[Diagnostic]) -> Value {
         let eye = camera.world_from_camera.translation.to_array();
         json!({"name": camera.name, "projection": projection(camera), "eye": eye})
     });
-    let diagnostics = diagnostics.iter().map(|d| {
+    let clips = source.timeline.clips().iter().map(|clip| {
+        let [instances, meshes, lights, cameras] = moved(clip);
+        let moves = json!({"instances": instances, "meshes": meshes, "lights": lights, "cameras": cameras});
+        let (duration, rate) = (clip.motion.duration(), clip.frame_rate);
+        json!({"name": clip.name, "seconds": duration, "frames_per_second": rate, "moves": moves})
+    });
+    let diagnostics = source.diagnostics.iter().map(|d| {
         json!({
             "severity": d.severity.to_string(), "place": d.place.to_string(), "message": d.message, "hint": d.hint,
         })
@@ -64,11 +71,12 @@ fn json(name: &str, scene: &Scene, diagnostics: &[Diagnostic]) -> Value {
         "environment": environment(scene.environment()),
         "bounds": bounds,
         "cameras": cameras.collect::<Vec<_>>(),
+        "clips": clips.collect::<Vec<_>>(),
         "diagnostics": diagnostics.collect::<Vec<_>>(),
     })
 }
 
-fn table(scene: &Scene, diagnostics: &[Diagnostic]) -> String {
+fn table(scene: &Scene, source: &Source) -> String {
     let s = Statistics::of(scene);
     let mut lines = vec![
         format!("triangles     {} ({} with instances)", s.triangles, s.instanced_triangles),
@@ -92,10 +100,43 @@ fn table(scene: &Scene, diagnostics: &[Diagnostic]) -> String {
     for light in scene.lights().values() {
         lines.push(format!("light         {}, {}", quoted(&light.name), light_kind(&light.kind)));
     }
+    for (i, clip) in source.timeline.clips().iter().enumerate() {
+        let rate = clip.frame_rate.map_or(String::new(), |rate| format!(", {rate} frames per second"));
+        let seconds = clip.motion.duration();
+        lines.push(format!(
+            "clip {i:<8} {}, {seconds:.3} s{rate}, moves {}",
+            quoted(&clip.name),
+            moves(clip)
+        ));
+    }
+    let diagnostics = &source.diagnostics;
     let warnings = diagnostics.iter().filter(|d| d.severity >= Severity::Warning).count();
     lines.push(format!("remarks       {warnings} warnings, {} notes", diagnostics.len() - warnings));
     lines.extend(diagnostics.iter().map(|d| format!("  {d}")));
     lines.join("\n")
+}
+
+/// How many instances, meshes, lights and cameras a clip moves.
+fn moved(clip: &Clip) -> [usize; 4] {
+    let mut counts = [0; 4];
+    for target in clip.motion.moves() {
+        match target {
+            Target::Instance(_) => counts[0] += 1,
+            Target::Geometry(_) => counts[1] += 1,
+            Target::Light(_) => counts[2] += 1,
+            Target::Camera(_) => counts[3] += 1,
+            Target::Texture(_) | Target::Material(_) | Target::Object(_) | Target::Environment => {}
+        }
+    }
+    counts
+}
+
+fn moves(clip: &Clip) -> String {
+    let names = [("instance", "instances"), ("mesh", "meshes"), ("light", "lights"), ("camera", "cameras")];
+    let counts = moved(clip).into_iter().zip(names).filter(|(count, _)| *count > 0);
+    let words = counts.map(|(count, (one, many))| format!("{count} {}", if count == 1 { one } else { many }));
+    let words: Vec<_> = words.collect();
+    if words.is_empty() { "nothing that is shown".into() } else { words.join(", ") }
 }
 
 fn quoted(name: &str) -> String {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use heliostat::builtin;
 use heliostat::formats::{Diagnostic, Limits, Severity, image, load};
-use heliostat::scene::{Edit, Image};
+use heliostat::scene::{Edit, Image, Timeline};
 
 use super::console;
 use super::failure::Failure;
@@ -12,6 +12,7 @@ use super::failure::Failure;
 /// A scene as named on the command line.
 pub(super) struct Source {
     pub(super) edits: Vec<Edit>,
+    pub(super) timeline: Timeline,
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
@@ -21,7 +22,7 @@ pub(super) struct Source {
 /// When there is neither, or the file cannot be loaded.
 pub(super) fn scene(name: &str) -> Result<Source, Failure> {
     if let Some(edits) = builtin::build(name) {
-        return Ok(Source { edits, diagnostics: Vec::new() });
+        return Ok(Source { edits, timeline: builtin::timeline(name), diagnostics: Vec::new() });
     }
     let path = Path::new(name).to_path_buf();
     if !path.exists() {
@@ -30,7 +31,7 @@ pub(super) fn scene(name: &str) -> Result<Source, Failure> {
             .with_help(format!("the built-in scenes are {}", names.join(", "))));
     }
     let loaded = console::with_progress("loading", move |_| Ok(load(&path, &Limits::default())?))?;
-    Ok(Source { edits: loaded.edits, diagnostics: loaded.diagnostics })
+    Ok(Source { edits: loaded.edits, timeline: loaded.timeline, diagnostics: loaded.diagnostics })
 }
 
 /// Writes what the loader has to say to stderr.

@@ -8,13 +8,14 @@ use heliostat::formats::image::{EncodeError, encode_exr, encode_hdr, encode_png}
 use heliostat::scene::{Frame, Plane, PlaneData};
 
 use super::failure::Failure;
-use super::values::Exposure;
 
 /// Picture formats, by extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     /// 8 bits, tone mapped.
     Png,
+    /// All frames in one file, 8 bits, tone mapped.
+    Apng,
     /// Linear radiance, shared exponent.
     Hdr,
     /// Linear radiance, 32-bit floats; holds auxiliary planes as further channels.
@@ -36,9 +37,14 @@ impl std::str::FromStr for Target {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let format = match extension.as_deref() {
             Some("png") => Format::Png,
+            Some("apng") => Format::Apng,
             Some("hdr") => Format::Hdr,
             Some("exr") => Format::Exr,
-            _ => return Err(format!("`{text}` is no picture format; end the name in .png, .exr or .hdr")),
+            _ => {
+                return Err(format!(
+                    "`{text}` is no picture format; end the name in .png, .exr, .hdr or .apng"
+                ));
+            }
         };
         Ok(Self { path, format })
     }
@@ -72,43 +78,31 @@ impl Target {
         self.path.extension().map_or(String::new(), |e| e.to_string_lossy().into_owned())
     }
 
-    /// Writes the frame, and its planes: into the same file for EXR, else beside it as `picture.NAME.png`. Returns the
-    /// files written and the exposure used, if any.
+    /// Writes the frame, and its planes: into the same file for EXR, else beside it as `picture.NAME.png`. A PNG is
+    /// brightened by `ev` stops. Returns the files written.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub(super) fn write(
-        &self,
-        frame: &Frame,
-        exposure: Exposure,
-    ) -> Result<(Vec<PathBuf>, Option<f32>), Failure> {
+    pub(super) fn write(&self, frame: &Frame, ev: f32) -> Result<Vec<PathBuf>, Failure> {
         let (width, height) = (frame.width, frame.height);
-        if self.format == Format::Exr {
-            write(&self.path, &encode_exr(width, height, &frame.color, &frame.planes)?)?;
-            return Ok((vec![self.path.clone()], None));
-        }
-        let mut files = vec![self.path.clone()];
-        let ev = match (self.format, exposure) {
-            (Format::Png, Exposure::Auto) => Some(tone::auto_exposure(&frame.color)),
-            (Format::Png, Exposure::Ev(ev)) => Some(ev),
-            _ => None,
-        };
-        let bytes = match ev {
-            Some(ev) => encode_png(width, height, &tone::tone_map(&frame.color, ev))?,
-            None => encode_hdr(width, height, &frame.color)?,
+        let bytes = match self.format {
+            Format::Exr => encode_exr(width, height, &frame.color, &frame.planes)?,
+            Format::Hdr => encode_hdr(width, height, &frame.color)?,
+            Format::Png | Format::Apng => encode_png(width, height, &tone::tone_map(&frame.color, ev))?,
         };
         write(&self.path, &bytes)?;
-        for plane in &frame.planes {
+        let mut files = vec![self.path.clone()];
+        for plane in frame.planes.iter().filter(|_| self.format != Format::Exr) {
             let path = self.path.with_extension(format!("{}.{}", plane.plane.name(), self.extension()));
             let colors = visible(plane);
             let bytes = match self.format {
-                Format::Png => encode_png(width, height, &srgb8(&colors, plane.plane))?,
-                _ => encode_hdr(width, height, &colors)?,
+                Format::Hdr => encode_hdr(width, height, &colors)?,
+                _ => encode_png(width, height, &srgb8(&colors, plane.plane))?,
             };
             write(&path, &bytes)?;
             files.push(path);
         }
-        Ok((files, ev))
+        Ok(files)
     }
 }
 
@@ -153,7 +147,8 @@ fn srgb8(colors: &[Vec3], plane: Plane) -> Vec<u8> {
     colors.iter().flat_map(|c| c.to_array().map(|v| (encode(v) * 255.0 + 0.5) as u8)).collect()
 }
 
-fn folder(path: &Path) -> &Path {
+/// Where a file lies.
+pub(super) fn folder(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

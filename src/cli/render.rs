@@ -2,8 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
-use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
@@ -17,6 +16,8 @@ use heliostat::scene::{
 use serde_json::{Value, json};
 
 use super::failure::Failure;
+use super::pictures::{Expected, Pictures};
+use super::sequence::{self, Sequence};
 use super::values::{self, Exposure, Size, Surroundings};
 use super::{camera, console, input, output};
 
@@ -26,7 +27,7 @@ pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     #[arg(default_value = "atrium")]
     scene: String,
-    /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance
+    /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance, .apng plays all frames
     #[arg(short, long, value_name = "FILE")]
     output: output::Target,
     /// How light is computed
@@ -40,9 +41,8 @@ pub(super) struct Arguments {
     spp: Option<u32>,
     #[command(flatten)]
     camera: camera::Arguments,
-    /// Frames FIRST..END (END not included); several are numbered files
-    #[arg(long, value_name = "A..B", value_parser = values::frames, default_value = "0")]
-    frames: Range<u32>,
+    #[command(flatten)]
+    sequence: sequence::Arguments,
     /// What triangles are sorted into; the picture depends on it by rounding at most
     #[arg(long, default_value = "bvh")]
     accel: Accelerator,
@@ -52,7 +52,7 @@ pub(super) struct Arguments {
     /// Another seed gives other noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
-    /// Stops by which a .png is brightened, or `auto`
+    /// Stops by which a .png is brightened, or `auto`: as suits the first frame
     #[arg(long, value_name = "EV", default_value = "auto", allow_hyphen_values = true)]
     exposure: Exposure,
     /// Auxiliary planes: into the same file for .exr, else beside it as FILE.NAME.png
@@ -153,6 +153,10 @@ impl Renderer {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.output.check()?;
+    if arguments.output.format == output::Format::Apng && !arguments.aov.is_empty() {
+        return Err(Failure::usage("an animated picture has no room for planes")
+            .with_help("write numbered files: `-o NAME.exr`, with `--animate NAME.apng` for the animation"));
+    }
     let source = input::scene(&arguments.scene)?;
     input::show(&source.diagnostics);
     let mut edits = source.edits;
@@ -163,11 +167,27 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         edits.extend(lighting::default_light(&scene));
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }
-    let camera = camera::choose(&arguments.camera, &scene)?;
-    if arguments.frames.len() > 1 {
-        note("nothing moves yet: the frames differ in their noise alone");
+    camera::choose(&arguments.camera, &scene)?;
+    let mut sequence = Sequence::new(&arguments.sequence, source.timeline)?;
+    let expected = Expected {
+        frames: sequence.frames().len() as u32,
+        frames_per_second: sequence.frames_per_second,
+        size: arguments.size,
+    };
+    let animate = arguments.sequence.animate.as_deref();
+    let mut pictures = Pictures::new(&arguments.output, animate, arguments.exposure, &expected)?;
+    edits.extend(sequence.edits(sequence.frames().start));
+    let engine = build(arguments, edits)?;
+    render(arguments, &mut sequence, &mut pictures, engine)?;
+    if let Some(file) = pictures.finish()? {
+        let (frames, rate) = (expected.frames, expected.frames_per_second);
+        console::message(&format!("wrote {}: {frames} frames, {rate} per second", file.display()));
     }
+    Ok(())
+}
 
+/// Builds the scene as it is in the first frame.
+fn build(arguments: &Arguments, edits: Vec<Edit>) -> Result<(Engine, ApplyReport), Failure> {
     let options = EngineOptions {
         threads: arguments.threads.and_then(|n| NonZeroUsize::new(n.into())),
         accelerator: match arguments.accel {
@@ -175,35 +195,71 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Accelerator::KdTree => engine::Accelerator::KdTree,
         },
     };
-    let (mut engine, applied) = console::with_progress("building", move |progress| {
+    console::with_progress("building", move |progress| {
         let mut engine = Engine::new(options)?;
         let applied = engine.apply(&edits, progress)?;
         Ok((engine, applied))
-    })?;
-    for warning in &applied.warnings {
-        console::message(&format!("warning: {warning}"));
-    }
-    let camera = match camera {
-        Some(camera) => camera,
-        None => {
-            let aspect = arguments.size.width as f32 / arguments.size.height as f32;
-            let camera = camera::framed(&arguments.camera, &engine, aspect)?;
-            note(&format!("the scene has no camera; this one looks at it from the {}", camera.name));
-            camera
+    })
+}
+
+/// Makes all frames, one after the other.
+fn render(
+    arguments: &Arguments,
+    sequence: &mut Sequence,
+    pictures: &mut Pictures,
+    (mut engine, mut applied): (Engine, ApplyReport),
+) -> Result<(), Failure> {
+    let frames = sequence.frames();
+    let mut framed = None;
+    let mut warned = BTreeSet::new();
+    for number in frames.clone() {
+        let label = match frames.len() {
+            1 => "rendering".to_owned(),
+            count => format!("frame {} of {count}", number - frames.start + 1),
+        };
+        if number != frames.start {
+            let edits = sequence.edits(number);
+            (engine, applied) = console::with_progress(label.clone(), move |progress| {
+                let applied = engine.apply(&edits, progress)?;
+                Ok((engine, applied))
+            })?;
         }
-    };
-    let mut request = request(arguments, camera);
-    for number in arguments.frames.clone() {
-        request.frame = number;
+        for warning in applied.warnings.iter().filter(|warning| warned.insert((*warning).clone())) {
+            console::message(&format!("warning: {warning}"));
+        }
+        // The scene's cameras may move; one that was found for it stands still.
+        let camera = match (camera::choose(&arguments.camera, engine.scene())?, framed.clone()) {
+            (Some(camera), _) | (None, Some(camera)) => camera,
+            (None, None) => {
+                let aspect = arguments.size.width as f32 / arguments.size.height as f32;
+                let camera = camera::framed(&arguments.camera, &engine, aspect)?;
+                note(&format!("the scene has no camera; this one looks at it from the {}", camera.name));
+                framed.insert(camera).clone()
+            }
+        };
+        let request = FrameRequest { frame: number, ..request(arguments, camera) };
         let (asked, frame);
-        (engine, asked, frame) = console::with_progress("rendering", move |progress| {
+        (engine, asked, frame) = console::with_progress(label, move |progress| {
             let frame = engine.render(&request, progress)?;
             Ok((engine, request, frame))
         })?;
-        request = asked;
-        finish(arguments, &request, &applied, &frame)?;
+        let (files, ev) = pictures.add(number, &frame)?;
+        report(
+            arguments,
+            sequence,
+            &Finished { request: &asked, applied: &applied, frame: &frame, files, ev },
+        )?;
     }
     Ok(())
+}
+
+/// A frame and how it came about.
+struct Finished<'a> {
+    request: &'a FrameRequest,
+    applied: &'a ApplyReport,
+    frame: &'a Frame,
+    files: Vec<PathBuf>,
+    ev: Option<f32>,
 }
 
 fn note(text: &str) {
@@ -247,28 +303,21 @@ fn environment_map(path: &Path) -> Result<Environment, Failure> {
     Ok(Environment::Map(EnvironmentMap { image, scale: Vec3::ONE, world_from_environment: Mat3::IDENTITY }))
 }
 
-/// Writes one finished frame and says what it took.
-fn finish(
-    arguments: &Arguments,
-    request: &FrameRequest,
-    applied: &ApplyReport,
-    frame: &Frame,
-) -> Result<(), Failure> {
-    let target = match arguments.frames.len() {
-        1 => arguments.output.clone(),
-        _ => arguments.output.numbered(request.frame),
-    };
-    let (files, ev) = target.write(frame, arguments.exposure)?;
+/// Says what a frame took.
+fn report(arguments: &Arguments, sequence: &Sequence, finished: &Finished<'_>) -> Result<(), Failure> {
+    let Finished { request, applied, frame, files, ev } = finished;
     let seconds = frame.stats.milliseconds * 1e-3;
     let mrays = if seconds > 0.0 { frame.stats.rays as f64 * 1e-6 / seconds } else { 0.0 };
     let exposure = ev.map_or(String::new(), |ev| format!(", exposure {ev:+.2} EV"));
     let names: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
+    let what = if names.is_empty() {
+        format!("made frame {}", request.frame)
+    } else {
+        format!("wrote {}", names.join(", "))
+    };
     console::message(&format!(
-        "wrote {}: {}×{}, {} samples, {seconds:.2} s, {mrays:.2} Mray/s{exposure}",
-        names.join(", "),
-        frame.width,
-        frame.height,
-        request.samples
+        "{what}: {}×{}, {} samples, {seconds:.2} s, {mrays:.2} Mray/s{exposure}",
+        frame.width, frame.height, request.samples
     ));
     if arguments.json {
         let report = json!({
@@ -280,6 +329,8 @@ fn finish(
             "samples": request.samples,
             "seed": request.seed,
             "frame": request.frame,
+            "clip": sequence.clip(),
+            "time": sequence.time(request.frame),
             "milliseconds": frame.stats.milliseconds,
             "rays": frame.stats.rays,
             "mrays_per_second": mrays,

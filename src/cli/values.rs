@@ -1,6 +1,7 @@
 //! Values on the command line: sizes, vectors, ranges, exposures.
 
 use std::ops::Range;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use glam::Vec3;
@@ -88,6 +89,34 @@ pub(super) fn frames(text: &str) -> Result<Range<u32>, String> {
     Ok(range)
 }
 
+/// A time in seconds, finite and at least 0.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|t| (0.0..1e9).contains(t));
+    seconds.ok_or_else(|| format!("`{text}` is not a time; give seconds from 0 on"))
+}
+
+/// Frames per second.
+pub(super) fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse::<f64>().ok().filter(|rate| (0.001..=1000.0).contains(rate));
+    rate.ok_or_else(|| format!("`{text}` is not a rate; give frames per second from 0.001 to 1000"))
+}
+
+/// A share from 0 to 1.
+pub(super) fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse::<f64>().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| format!("`{text}` is not a share; give a number from 0 to 1"))
+}
+
+/// The file of an animated picture.
+pub(super) fn animation(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
+        Some("png" | "apng") => Ok(path),
+        _ => Err(format!("`{text}` is no animated picture; end the name in .png or .apng")),
+    }
+}
+
 /// How bright an 8-bit picture is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Exposure {
@@ -116,7 +145,7 @@ impl FromStr for Exposure {
 pub(super) enum Surroundings {
     None,
     Constant(Vec3),
-    File(std::path::PathBuf),
+    File(PathBuf),
 }
 
 impl FromStr for Surroundings {
@@ -160,6 +189,11 @@ mod tests {
     fn ranges_and_exposures() {
         assert_eq!(frames("3..5"), Ok(3..5));
         assert_eq!(frames("7"), Ok(7..8));
+        assert_eq!((seconds("2.5"), rate("29.97"), share("1")), (Ok(2.5), Ok(29.97), Ok(1.0)));
+        assert!(
+            seconds("-1").is_err() && rate("0").is_err() && share("1.1").is_err() && share("nan").is_err()
+        );
+        assert!(animation("a.APNG").is_ok() && animation("a.webp").is_err());
         assert!(frames("5..5").is_err() && frames("x").is_err());
         assert_eq!("-1.5".parse(), Ok(Exposure::Ev(-1.5)));
         assert_eq!("auto".parse(), Ok(Exposure::Auto));

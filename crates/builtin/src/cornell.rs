@@ -1,7 +1,14 @@
 //! The Cornell box with its measured dimensions.
 
-use glam::{Affine3A, Vec3};
-use heliostat_scene::{Camera, Edit, Material, Mesh, SceneBuilder};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use glam::{Affine3A, Quat, Vec3};
+use heliostat_scene::{Camera, Clip, Edit, InstanceId, Material, Mesh, Motion, Pose, SceneBuilder, Timeline};
+
+/// Corners (x, z) of the blocks' bases, clockwise seen from above, millimetres.
+const SHORT: [[f32; 2]; 4] = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
+const TALL: [[f32; 2]; 4] = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
 
 /// The measured box in metres. Reflectances are the usual RGB fits of the measured spectra; the lamp is as yellowish as
 /// the measured one, and as bright as suits an exposure of 0.
@@ -10,6 +17,41 @@ use heliostat_scene::{Camera, Edit, Material, Mesh, SceneBuilder};
 /// Goral, Torrance, Greenberg, Battaile, "Modeling the interaction of light between diffuse surfaces", 1984; Cornell
 /// University Program of Computer Graphics, "The Cornell Box", data of 1998.
 pub(crate) fn build() -> Vec<Edit> {
+    make().0
+}
+
+/// The blocks turn once, against each other; at the start they stand as measured.
+pub(crate) fn timeline() -> Timeline {
+    let motion = Arc::new(Turn(make().1));
+    Timeline::new(vec![Clip { name: "turn".into(), frame_rate: None, motion }])
+}
+
+/// The short block and the tall block turn about their middles.
+#[derive(Debug)]
+struct Turn([InstanceId; 2]);
+
+impl Motion for Turn {
+    fn duration(&self) -> f64 {
+        4.0
+    }
+
+    fn sample(&self, time: f64, pose: &mut Pose) {
+        for (id, (footprint, sign)) in self.0.into_iter().zip([(SHORT, 1.0), (TALL, -1.0)]) {
+            let [x, z] = [0, 1].map(|axis| footprint.iter().map(|corner| corner[axis]).sum::<f32>() / 4.0);
+            let middle = Affine3A::from_translation(millimetres([x, 0.0, z]));
+            // Whole turns are exact: the blocks end as they began.
+            let angle = (time / self.duration()).fract() * TAU * sign;
+            let turned = Affine3A::from_quat(Quat::from_rotation_y(angle as f32));
+            pose.instance(
+                id,
+                if angle == 0.0 { Affine3A::IDENTITY } else { middle * turned * middle.inverse() },
+            );
+        }
+    }
+}
+
+/// The scene, and its short and tall block.
+fn make() -> (Vec<Edit>, [InstanceId; 2]) {
     let mut builder = SceneBuilder::new();
     let white = builder.material(Material::diffuse("white", Vec3::new(0.725, 0.71, 0.68)));
     let red = builder.material(Material::diffuse("red", Vec3::new(0.63, 0.065, 0.05)));
@@ -47,13 +89,12 @@ pub(crate) fn build() -> Vec<Edit> {
         builder.place(name, object, None, Affine3A::IDENTITY);
     }
 
-    let short = [[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]];
-    let tall = [[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]];
-    for (name, footprint, height) in [("short block", short, 165.0), ("tall block", tall, 330.0)] {
+    let blocks = [("short block", SHORT, 165.0), ("tall block", TALL, 330.0)];
+    let blocks = blocks.map(|(name, footprint, height)| {
         let mesh = builder.mesh(block(footprint, height));
         let object = builder.object(name, [(mesh, white)]);
-        builder.place(name, object, None, Affine3A::IDENTITY);
-    }
+        builder.place(name, object, None, Affine3A::IDENTITY)
+    });
 
     // A lens of 35 mm focal length before a square film of 25 mm.
     let fov = 2.0 * (0.0125f32 / 0.035).atan();
@@ -61,7 +102,7 @@ pub(crate) fn build() -> Vec<Edit> {
     builder.camera(Camera::look_at("front", eye, eye + Vec3::Z, Vec3::Y, fov));
     let corner = millimetres([470.0, 430.0, -120.0]);
     builder.camera(Camera::look_at("inside", corner, millimetres([230.0, 160.0, 330.0]), Vec3::Y, 0.95));
-    builder.finish()
+    (builder.finish(), blocks)
 }
 
 fn millimetres(p: [f32; 3]) -> Vec3 {

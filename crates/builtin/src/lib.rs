@@ -13,7 +13,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
-use heliostat_scene::Edit;
+use heliostat_scene::{Edit, Timeline};
 
 mod atrium;
 mod conference;
@@ -41,8 +41,11 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
         ),
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),
-        ("cornell", "the Cornell box by its measured dimensions"),
-        ("sunflowers", "a field of 28,000 sunflowers among trees: a billion triangles by instancing"),
+        ("cornell", "the Cornell box by its measured dimensions; its blocks can turn"),
+        (
+            "sunflowers",
+            "a field of 28,000 sunflowers among trees, a billion triangles by instancing; the sun can move",
+        ),
         ("spheres", "the material model: metals, plastics, lacquers and glass over roughness"),
     ]
 }
@@ -59,4 +62,13 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
         "sunflowers" => sunflowers::build(),
         _ => return None,
     })
+}
+
+/// How the scene `name` moves; empty for those that stand still. At time 0 it stands as [`build`] makes it.
+pub fn timeline(name: &str) -> Timeline {
+    match name {
+        "cornell" => cornell::timeline(),
+        "sunflowers" => sunflowers::timeline(),
+        _ => Timeline::default(),
+    }
 }

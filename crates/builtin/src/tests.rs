@@ -134,6 +134,26 @@ fn lamps_face_the_room() {
 }
 
 #[test]
+fn motions_start_at_rest_and_stay_inside() {
+    let mut moving = 0;
+    for (name, _) in crate::names() {
+        let (mut scene, mut timeline) = (scene(name), crate::timeline(name));
+        let (instances, bounds) = (scene.instances().clone(), scene.bounds().unwrap());
+        moving += timeline.clips().len();
+        for step in 0..=16 {
+            let edits = timeline.edits_at(timeline.duration() * f64::from(step) / 16.0);
+            scene.apply(&edits).unwrap_or_else(|error| panic!("{name}: {error}"));
+            if step % 16 == 0 {
+                assert_eq!(*scene.instances(), instances, "{name}");
+            }
+            let now = scene.bounds().unwrap();
+            assert!(now.min.cmpge(bounds.min).all() && now.max.cmple(bounds.max).all(), "{name}: {now:?}");
+        }
+    }
+    assert_eq!(moving, 1);
+}
+
+#[test]
 fn the_same_name_gives_the_same_bytes() {
     for (name, _) in crate::names() {
         let [a, b] = [(), ()].map(|()| crate::build(name).unwrap());

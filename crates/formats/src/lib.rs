@@ -101,13 +101,14 @@ pub fn load_bytes(
     } else {
         (std::borrow::Cow::Borrowed(bytes), name)
     };
-    let edits = match Format::recognise(&file, name, &bytes)? {
+    let still = |edits| (edits, Timeline::default());
+    let (edits, timeline) = match Format::recognise(&file, name, &bytes)? {
         Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
         Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
-        Format::Obj => obj::load(&mut context, &file, &bytes)?,
-        Format::Ply => ply::load(&mut context, &file, &bytes)?,
+        Format::Obj => still(obj::load(&mut context, &file, &bytes)?),
+        Format::Ply => still(ply::load(&mut context, &file, &bytes)?),
     };
-    Ok(Loaded { edits, timeline: Timeline::default(), diagnostics: context.finish(&file) })
+    Ok(Loaded { edits, timeline, diagnostics: context.finish(&file) })
 }
 
 /// The scene formats.

@@ -113,6 +113,11 @@ impl SceneBuilder {
         id
     }
 
+    /// Shows or hides an instance; placed ones are visible.
+    pub fn show(&mut self, instance: InstanceId, visible: bool) {
+        self.edits.push(Edit::ShowInstance(instance, visible));
+    }
+
     /// Adds a light.
     pub fn light(&mut self, light: Light) -> LightId {
         let id = LightId(take(&mut self.next.light));

@@ -1,12 +1,12 @@
 //! Motion over time: what is known about how a scene moves, turned into edits.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
 use glam::Affine3A;
 
-use crate::{Camera, CameraId, Edit, Geometry, GeometryId, InstanceId, Light, LightId, Mesh};
+use crate::{Camera, CameraId, Edit, Geometry, GeometryId, InstanceId, Light, LightId, Mesh, Target};
 
 /// How things move: a function from time to the state of everything it moves. Importers implement it.
 pub trait Motion: fmt::Debug + Send + Sync {
@@ -16,6 +16,13 @@ pub trait Motion: fmt::Debug + Send + Sync {
     /// Writes the state at `time`, in seconds from 0 to [`Self::duration`], of everything that any clip of the same
     /// [`Timeline`] moves: what this one leaves alone is written as it rests, so that clips can be switched.
     fn sample(&self, time: f64, pose: &mut Pose);
+
+    /// What this motion itself moves, which may be less than what it writes. For lists and statistics.
+    fn moves(&self) -> BTreeSet<Target> {
+        let mut pose = Pose::default();
+        self.sample(0.0, &mut pose);
+        pose.targets()
+    }
 }
 
 /// The state of moving things at one moment.
@@ -53,6 +60,15 @@ impl Pose {
     /// A moving or changing camera.
     pub fn camera(&mut self, id: CameraId, camera: Camera) {
         self.cameras.insert(id, camera);
+    }
+
+    /// Everything this pose says something about.
+    pub fn targets(&self) -> BTreeSet<Target> {
+        let instances = self.instances.keys().chain(self.shown.keys()).copied().map(Target::Instance);
+        let meshes = self.meshes.keys().copied().map(Target::Geometry);
+        let lights = self.lights.keys().copied().map(Target::Light);
+        let cameras = self.cameras.keys().copied().map(Target::Camera);
+        instances.chain(meshes).chain(lights).chain(cameras).collect()
     }
 }
 
@@ -132,6 +148,14 @@ impl Timeline {
     /// Seconds that the playing clip takes; 0 when nothing moves.
     pub fn duration(&self) -> f64 {
         self.playing().map_or(0.0, |clip| clip.motion.duration())
+    }
+
+    /// Everything that any clip may change; the rest of the scene never does.
+    pub fn targets(&self) -> BTreeSet<Target> {
+        let Some(clip) = self.playing() else { return BTreeSet::new() };
+        let mut pose = Pose::default();
+        clip.motion.sample(0.0, &mut pose);
+        pose.targets()
     }
 
     /// What has to change for the scene to stand as at `time`, in seconds, clamped to the clip. The first call sends

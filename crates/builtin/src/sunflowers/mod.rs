@@ -5,9 +5,12 @@ mod flower;
 mod tree;
 
 use std::f32::consts::TAU;
+use std::sync::Arc;
 
 use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
-use heliostat_scene::{Camera, Edit, Material, MaterialId, SceneBuilder};
+use heliostat_scene::{
+    Camera, Clip, Edit, LightId, Material, MaterialId, Motion, Pose, SceneBuilder, Timeline,
+};
 
 use crate::random::{Rng, fbm};
 use crate::shape::Shape;
@@ -90,6 +93,11 @@ fn ground(x: f32, z: f32) -> f32 {
 
 /// The edits of the scene.
 pub(crate) fn build() -> Vec<Edit> {
+    make().0
+}
+
+/// The edits, and the sun's handle.
+fn make() -> (Vec<Edit>, LightId) {
     let mut builder = SceneBuilder::new();
     let palette = Palette::new(&mut builder);
     let mut land = land().mesh();
@@ -100,7 +108,7 @@ pub(crate) fn build() -> Vec<Edit> {
     plant_field(&mut builder, &palette);
     plant_trees(&mut builder, &palette);
     builder.environment(sky::clear(0.9));
-    builder.light(sky::sun(SUN, 3.2));
+    let sun = builder.light(sky::sun(sunlight(0.0), 3.2));
     let stand = |x: f32, up: f32, z: f32| Vec3::new(x, ground(x, z) + up, z);
     let views = [
         ("path", stand(0.35, 2.05, 24.0), stand(-0.6, 1.35, 0.0), 0.85),
@@ -110,11 +118,38 @@ pub(crate) fn build() -> Vec<Edit> {
     for (name, eye, target, fov) in views {
         builder.camera(Camera::look_at(name, eye, target, Vec3::Y, fov));
     }
-    builder.finish()
+    (builder.finish(), sun)
 }
 
-/// Where sunlight travels to.
-const SUN: Vec3 = Vec3::new(-0.55, -0.62, -0.6);
+/// Seconds that a day takes.
+const DAY: f64 = 12.0;
+
+/// Where sunlight travels to, `share` of the day after the morning of the still scene: over the south and down in the
+/// west.
+fn sunlight(share: f32) -> Vec3 {
+    let hour = 0.62 + 1.9 * share;
+    let (s, c) = hour.sin_cos();
+    Vec3::new(-0.95 * c, -0.85 * s - 0.05, -0.45)
+}
+
+/// The sun crosses the sky while nothing else moves.
+pub(crate) fn timeline() -> Timeline {
+    let motion = Arc::new(Day(make().1));
+    Timeline::new(vec![Clip { name: "day".into(), frame_rate: None, motion }])
+}
+
+#[derive(Debug)]
+struct Day(LightId);
+
+impl Motion for Day {
+    fn duration(&self) -> f64 {
+        DAY
+    }
+
+    fn sample(&self, time: f64, pose: &mut Pose) {
+        pose.light(self.0, sky::sun(sunlight((time / DAY) as f32), 3.2));
+    }
+}
 
 /// The ground: finer where one stands.
 fn land() -> Shape {
@@ -137,7 +172,8 @@ fn plant_field(builder: &mut SceneBuilder, palette: &Palette) {
     let rows = (2.0 * HALF_FIELD / ROW_SPACING) as usize;
     let per_row = PLANTS.div_ceil(rows);
     let mut planted = 0;
-    let sun = SUN.x.atan2(SUN.z) + 0.5 * TAU;
+    let sunlight = sunlight(0.15);
+    let sun = sunlight.x.atan2(sunlight.z) + 0.5 * TAU;
     for row in 0..rows {
         let along_row = 2.0 * (HALF_FIELD - HALF_PATH) / per_row as f32;
         for place in 0..per_row.min(PLANTS - planted) {

@@ -29,7 +29,7 @@ pub(super) struct Root {
     pub(super) samplers: Vec<Sampler>,
     pub(super) skins: Vec<Skin>,
     pub(super) cameras: Vec<Camera>,
-    pub(super) animations: Vec<IgnoredAny>,
+    pub(super) animations: Vec<Animation>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -102,6 +102,14 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub(super) light: Option<LightReference>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub(super) visibility: Option<Visibility>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Visibility {
+    #[serde(default = "visible")]
+    pub(super) visible: bool,
 }
 
 #[derive(Debug, Deserialize)]
@@ -367,6 +375,50 @@ pub(super) struct Skin {
     pub(super) joints: Vec<usize>,
 }
 
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Animation {
+    pub(super) name: Option<String>,
+    pub(super) channels: Vec<Channel>,
+    pub(super) samplers: Vec<AnimationSampler>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Channel {
+    pub(super) sampler: Option<usize>,
+    pub(super) target: ChannelTarget,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ChannelTarget {
+    pub(super) node: Option<usize>,
+    pub(super) path: String,
+    pub(super) extensions: ChannelTargetExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ChannelTargetExtensions {
+    #[serde(rename = "KHR_animation_pointer")]
+    pub(super) pointer: Option<AnimationPointer>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct AnimationPointer {
+    pub(super) pointer: String,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct AnimationSampler {
+    pub(super) input: Option<usize>,
+    pub(super) output: Option<usize>,
+    pub(super) interpolation: Option<String>,
+}
+
 #[derive(Debug, Deserialize)]
 pub(super) struct Camera {
     pub(super) name: Option<String>,
@@ -401,6 +453,10 @@ pub(super) fn parsed_size(text: &[u8]) -> u64 {
         b'[' | b',' => size + ELEMENT,
         _ => size,
     })
+}
+
+fn visible() -> bool {
+    true
 }
 
 fn one() -> f32 {

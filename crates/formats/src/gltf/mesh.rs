@@ -1,35 +1,45 @@
 //! Meshes: primitives to parts of objects.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use heliostat_scene::{Mesh, ObjectId};
 
 use super::Loader;
-use super::deform::Pose;
+use super::deform::{Shape, Skin};
 use super::json;
 use super::nodes::Forest;
+use super::rig::BentMesh;
 use crate::error::LoadError;
 
-/// A primitive's vertices, before and after deformation.
-pub(super) struct Vertices {
-    pub(super) positions: Vec<Vec3>,
-    pub(super) normals: Vec<Vec3>,
-    pub(super) tangents: Vec<Vec4>,
+/// What bends the mesh at a node.
+struct Bending<'a> {
+    node: usize,
+    /// Rest weights of the morph targets.
+    weights: &'a [f32],
+    skin: Option<(usize, Arc<Skin>)>,
+    /// Matrices of the skin's joints at rest.
+    joints: Vec<Affine3A>,
+    /// Whether any of it changes.
+    moves: bool,
 }
 
 impl Loader<'_, '_> {
     /// The object of a mesh without skin; shared between nodes unless the node has morph weights of its own.
     pub(super) fn mesh_object(&mut self, node: usize, mesh: usize) -> Result<Option<ObjectId>, LoadError> {
+        let moves = self.animated.weights.contains(&node);
         let own_weights = self.root.nodes[node].weights.as_deref();
-        if let (None, Some(&known)) = (own_weights, self.objects.get(&mesh)) {
+        let shared = own_weights.is_none() && !moves;
+        if let (true, Some(&known)) = (shared, self.objects.get(&mesh)) {
             return Ok(known);
         }
         let user = format!("nodes[{node}].mesh");
         let definition = self.item(&self.root.meshes, "meshes", mesh, &user)?;
         let weights = own_weights.or(definition.weights.as_deref()).unwrap_or_default();
-        let object = self.object(mesh, definition, weights, None)?;
-        if own_weights.is_none() {
+        let bending = Bending { node, weights, skin: None, joints: Vec::new(), moves };
+        let object = self.object(mesh, definition, &bending)?;
+        if shared {
             self.objects.insert(mesh, object);
         }
         Ok(object)
@@ -47,40 +57,85 @@ impl Loader<'_, '_> {
         let definition = self.item(&self.root.meshes, "meshes", mesh, &user)?;
         let own_weights = self.root.nodes[node].weights.as_deref();
         let weights = own_weights.or(definition.weights.as_deref()).unwrap_or_default();
-        let pose = self.pose(skin, &user, forest)?;
-        self.object(mesh, definition, weights, Some(&pose))
+        let read = self.skin(skin, &user)?;
+        let joints = read.matrices(read.joints.iter().map(|&joint| forest.world[joint]));
+        let moves = self.animated.weights.contains(&node)
+            || read.joints.iter().any(|&joint| forest.moving[joint].is_some());
+        self.object(mesh, definition, &Bending { node, weights, skin: Some((skin, read)), joints, moves })
     }
 
     fn object(
         &mut self,
         mesh: usize,
         definition: &json::Mesh,
-        weights: &[f32],
-        pose: Option<&Pose>,
+        bending: &Bending<'_>,
     ) -> Result<Option<ObjectId>, LoadError> {
         let mut parts = Vec::new();
         for (number, primitive) in definition.primitives.iter().enumerate() {
             let path = format!("meshes[{mesh}].primitives[{number}]");
-            if let Some(built) = self.primitive(primitive, &path, weights, pose)? {
-                let material = self.material(primitive.material, &path)?;
-                parts.push((self.builder.mesh(built), material));
-            }
+            let Some(shape) = self.shape(mesh, number, primitive, &path, bending)? else { continue };
+            let material = self.material(primitive.material, &path)?;
+            let geometry = match Arc::try_unwrap(shape) {
+                Ok(shape) => self.builder.mesh(shape.into_mesh(bending.weights, &bending.joints)),
+                Err(kept) => {
+                    let geometry = self.builder.mesh(kept.deform(bending.weights, &bending.joints));
+                    let skin = bending.skin.as_ref().map(|(skin, _)| *skin);
+                    self.stage.meshes.push(BentMesh { geometry, shape: kept, skin, node: bending.node });
+                    geometry
+                }
+            };
+            parts.push((geometry, material));
         }
         if parts.is_empty() {
             return Ok(None);
+        }
+        if bending.moves {
+            let targets = self.targets_of(bending.node);
+            self.context.charge_array(targets, 8, &self.place(&format!("nodes[{}]", bending.node)))?;
+            let mut weights = bending.weights.to_vec();
+            weights.resize(targets, 0.0);
+            self.stage.weights.insert(bending.node, weights);
         }
         let name = definition.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
         Ok(Some(self.builder.object(name, parts)))
     }
 
-    /// `None` for what is not made of triangles.
-    fn primitive(
+    /// A primitive's shape. Those that change are kept, for nodes that share a mesh.
+    fn shape(
         &mut self,
+        mesh: usize,
+        number: usize,
         primitive: &json::Primitive,
         path: &str,
-        weights: &[f32],
-        pose: Option<&Pose>,
-    ) -> Result<Option<Mesh>, LoadError> {
+        bending: &Bending<'_>,
+    ) -> Result<Option<Arc<Shape>>, LoadError> {
+        let key = (mesh, number, bending.skin.as_ref().map(|(skin, _)| *skin));
+        if let Some(known) = self.shapes.get(&key).filter(|_| bending.moves) {
+            let known = known.clone();
+            let (vertices, triangles) = (known.base.positions.len(), known.base.indices.len());
+            self.context.count_mesh(vertices, triangles, &self.place(path))?;
+            // Attributes of the copy.
+            self.context.charge_array(vertices, 60, &self.place(path))?;
+            return Ok(Some(known));
+        }
+        let Some(base) = self.primitive(primitive, path)? else { return Ok(None) };
+        let wanted = |target: usize| bending.moves || bending.weights.get(target).is_some_and(|&w| w != 0.0);
+        let targets = self.morph_targets(primitive, path, &base, wanted)?;
+        let influences = match &bending.skin {
+            Some((_, skin)) => {
+                Some(self.influences(primitive, path, skin.joints.len(), base.positions.len())?)
+            }
+            None => None,
+        };
+        let shape = Arc::new(Shape { base, targets, influences });
+        if bending.moves {
+            self.shapes.insert(key, shape.clone());
+        }
+        Ok(Some(shape))
+    }
+
+    /// A primitive as the file has it; `None` for what is not made of triangles.
+    fn primitive(&mut self, primitive: &json::Primitive, path: &str) -> Result<Option<Mesh>, LoadError> {
         let mode = primitive.mode.unwrap_or(4);
         if mode < 4 {
             let message = "points and lines are not shown";
@@ -96,30 +151,13 @@ impl Loader<'_, '_> {
             self.read_floats(position, &format!("{path}.attributes.POSITION"), &["VEC3"], [0.0; 3])?;
         let count = positions.len();
         let attributes = &primitive.attributes;
-        let mut vertices = Vertices {
-            positions: positions.into_iter().map(Vec3::from_array).collect(),
-            normals: self.attribute(
-                attributes,
-                "NORMAL",
-                path,
-                &["VEC3"],
-                [0.0; 3],
-                count,
-                Vec3::from_array,
-            )?,
-            tangents: self.attribute(
-                attributes,
-                "TANGENT",
-                path,
-                &["VEC4"],
-                [0.0; 4],
-                count,
-                Vec4::from_array,
-            )?,
-        };
-        if vertices.normals.is_empty() {
+        let normals =
+            self.attribute(attributes, "NORMAL", path, &["VEC3"], [0.0; 3], count, Vec3::from_array)?;
+        let mut tangents =
+            self.attribute(attributes, "TANGENT", path, &["VEC4"], [0.0; 4], count, Vec4::from_array)?;
+        if normals.is_empty() {
             // Tangents without normals are to be ignored.
-            vertices.tangents = Vec::new();
+            tangents = Vec::new();
         }
         let mut uv =
             |name| self.attribute(attributes, name, path, &["VEC2"], [0.0; 2], count, Vec2::from_array);
@@ -128,15 +166,10 @@ impl Loader<'_, '_> {
             |c: [f32; 4]| Vec4::from_array(c.map(|v| if v.is_nan() { 1.0 } else { v.clamp(0.0, 1.0) }));
         let colors =
             self.attribute(attributes, "COLOR_0", path, &["VEC3", "VEC4"], [1.0; 4], count, to_color)?;
-        self.morph(primitive, path, weights, &mut vertices)?;
-        if let Some(pose) = pose {
-            self.skin(primitive, path, pose, &mut vertices)?;
-        }
         let indices = self.triangles(primitive, path, mode, count)?;
-        let Vertices { positions, normals, tangents } = vertices;
         Ok(Some(Mesh {
             motion: [].into(),
-            positions: positions.into(),
+            positions: positions.into_iter().map(Vec3::from_array).collect(),
             indices: indices.into(),
             normals,
             tangents,

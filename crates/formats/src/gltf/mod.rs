@@ -12,24 +12,34 @@
 //! requires is an error, another one a warning.
 //!
 //! Triangles, strips and fans are shown; points and lines are skipped with a warning. Meshes without normals are
-//! flat. Animations are not played: skins stand as their nodes do, morph targets have their default weights.
+//! flat. KHR_node_visibility hides instances and darkens lights.
+//!
+//! Each animation becomes a clip of the timeline: nodes with what stands at them (lights and cameras included), skins
+//! and morph targets, in all interpolations; of KHR_animation_pointer the properties of nodes. The edits have
+//! everything at rest, as the nodes and their weights stand. Normals and tangents follow a deformation; every
+//! deformed copy of a mesh has a geometry of its own, and shares its triangles with its other moments. Channels that
+//! cannot be played are left out with a warning.
 //!
 //! # References
 //! Khronos, "glTF 2.0 Specification", 2021, and the extensions' specifications.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use heliostat_scene::{ColorSpace, Edit, Image, MaterialId, ObjectId, SceneBuilder, TextureId};
+use heliostat_scene::{ColorSpace, Edit, Image, MaterialId, ObjectId, SceneBuilder, TextureId, Timeline};
 
 use crate::context::Context;
 use crate::error::LoadError;
 use crate::place::Place;
+use animation::Animated;
 use container::Glb;
+use deform::{Shape, Skin};
 use json::Root;
+use rig::Stage;
 
 mod accessor;
+mod animation;
 mod container;
 mod deform;
 mod json;
@@ -37,8 +47,12 @@ mod material;
 mod mesh;
 mod nodes;
 mod punctual;
+mod rig;
 mod texture;
+mod track;
 
+#[cfg(test)]
+mod animation_tests;
 #[cfg(test)]
 mod tests;
 
@@ -46,7 +60,7 @@ pub(crate) fn load_glb(
     context: &mut Context<'_>,
     file: &Arc<str>,
     bytes: &[u8],
-) -> Result<Vec<Edit>, LoadError> {
+) -> Result<(Vec<Edit>, Timeline), LoadError> {
     let glb = Glb::parse(file, bytes)?;
     let root = container::parse_document(context, file, glb.json, false)?;
     build(context, file, &root, glb.binary)
@@ -56,7 +70,7 @@ pub(crate) fn load_gltf(
     context: &mut Context<'_>,
     file: &Arc<str>,
     bytes: &[u8],
-) -> Result<Vec<Edit>, LoadError> {
+) -> Result<(Vec<Edit>, Timeline), LoadError> {
     let root = container::parse_document(context, file, bytes, true)?;
     build(context, file, &root, None)
 }
@@ -66,13 +80,9 @@ fn build(
     file: &Arc<str>,
     root: &Root,
     binary: Option<&[u8]>,
-) -> Result<Vec<Edit>, LoadError> {
+) -> Result<(Vec<Edit>, Timeline), LoadError> {
     check_version(file, root)?;
     check_extensions(context, file, root)?;
-    if !root.animations.is_empty() {
-        let message = format!("{} animations are not played yet", root.animations.len());
-        context.note(Place::json(file, "animations"), message, "the scene stands as its nodes do");
-    }
     let buffers = container::read_buffers(context, file, root, binary)?;
     let mut loader = Loader {
         context,
@@ -84,9 +94,16 @@ fn build(
         materials: HashMap::new(),
         textures: HashMap::new(),
         images: HashMap::new(),
+        animated: Animated::default(),
+        skins: BTreeMap::new(),
+        shapes: HashMap::new(),
+        stage: Stage::default(),
     };
-    loader.scene()?;
-    Ok(loader.builder.finish())
+    let animations = loader.animations()?;
+    loader.animated = Animated::new(&animations);
+    let forest = loader.scene()?;
+    let timeline = rig::timeline(loader.stage, &forest, &loader.skins, animations, &root.nodes);
+    Ok((loader.builder.finish(), timeline))
 }
 
 /// The state of one import. Its `impl` blocks are spread over this folder by subject.
@@ -102,6 +119,11 @@ struct Loader<'a, 'c> {
     /// `None` for data textures that could not be read.
     textures: HashMap<(usize, ColorSpace), Option<TextureId>>,
     images: HashMap<usize, Option<Arc<Image>>>,
+    animated: Animated,
+    skins: BTreeMap<usize, Arc<Skin>>,
+    /// Shapes that change, by mesh, primitive and skin.
+    shapes: HashMap<(usize, usize, Option<usize>), Arc<Shape>>,
+    stage: Stage,
 }
 
 impl<'a> Loader<'a, '_> {
@@ -138,7 +160,8 @@ fn check_version(file: &Arc<str>, root: &Root) -> Result<(), LoadError> {
     }
 }
 
-const EXTENSIONS: [&str; 11] = [
+const EXTENSIONS: [&str; 13] = [
+    "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
@@ -149,6 +172,7 @@ const EXTENSIONS: [&str; 11] = [
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 

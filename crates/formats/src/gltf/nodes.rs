@@ -1,35 +1,88 @@
 //! The node hierarchy: from a forest of nodes to objects, groups and instances.
 
 use glam::{Affine3A, Mat4, Quat, Vec3};
-use heliostat_scene::ObjectId;
+use heliostat_scene::{InstanceId, ObjectId};
 
 use super::Loader;
 use super::json::Node;
+use super::track::unit;
 use crate::error::LoadError;
 
 /// Groups nest this deep; deeper ones are flattened. The kernel follows 64 levels of instances.
 const MAX_GROUPS: usize = 48;
 
-/// All nodes, checked to form a forest.
+/// All nodes, checked to form a forest, at rest.
 pub(super) struct Forest {
     /// Every node after its parent.
-    order: Vec<usize>,
-    has_parent: Vec<bool>,
-    local: Vec<Affine3A>,
+    pub(super) order: Vec<usize>,
+    pub(super) parent: Vec<Option<usize>>,
+    pub(super) local: Vec<Local>,
     pub(super) world: Vec<Affine3A>,
+    /// Whether the node and all above it are shown.
+    pub(super) visible: Vec<bool>,
+    /// Nodes that some animation changes, in themselves or through a node above, numbered in `order`.
+    pub(super) moving: Vec<Option<usize>>,
+}
+
+/// A node's own transform.
+#[derive(Clone, Copy)]
+pub(super) enum Local {
+    Matrix(Affine3A),
+    Parts { translation: Vec3, rotation: Quat, scale: Vec3 },
+}
+
+impl Local {
+    fn of(node: &Node) -> Self {
+        match &node.matrix {
+            Some(matrix) => Self::Matrix(Affine3A::from_mat4(Mat4::from_cols_array(matrix))),
+            None => Self::Parts {
+                translation: node.translation.map_or(Vec3::ZERO, Vec3::from_array),
+                // Exporters that write a rotation of length 0 mean none.
+                rotation: node.rotation.map_or(Quat::IDENTITY, |q| unit(Quat::from_array(q))),
+                scale: node.scale.map_or(Vec3::ONE, Vec3::from_array),
+            },
+        }
+    }
+
+    /// `parent_from_node`.
+    pub(super) fn matrix(&self) -> Affine3A {
+        match *self {
+            Self::Matrix(matrix) => matrix,
+            Self::Parts { translation, rotation, scale } => {
+                Affine3A::from_scale_rotation_translation(scale, rotation, translation)
+            }
+        }
+    }
+}
+
+/// Where a node stands in the object that holds its instance, and whether it is shown there.
+#[derive(Clone, Copy)]
+pub(super) struct InGroup {
+    pub(super) transform: Affine3A,
+    pub(super) visible: bool,
+}
+
+impl InGroup {
+    /// Of what stands in the world or in a group right away.
+    pub(super) const TOP: Self = Self { transform: Affine3A::IDENTITY, visible: true };
+
+    /// That of a node in this one.
+    pub(super) fn child(&self, parent_from_node: &Affine3A, visible: bool) -> Self {
+        Self { transform: self.transform * *parent_from_node, visible: self.visible && visible }
+    }
 }
 
 /// A node whose turn to be placed has come.
 struct Pending {
     node: usize,
     parent: Option<ObjectId>,
-    parent_from_above: Affine3A,
+    above: InGroup,
     groups: usize,
 }
 
 impl Loader<'_, '_> {
-    /// Places everything that the document's scene shows.
-    pub(super) fn scene(&mut self) -> Result<(), LoadError> {
+    /// Places everything that the document's scene shows; returns the nodes.
+    pub(super) fn scene(&mut self) -> Result<Forest, LoadError> {
         let forest = self.forest()?;
         let roots = self.roots(&forest)?;
         let mut shown = vec![false; self.root.nodes.len()];
@@ -43,7 +96,8 @@ impl Loader<'_, '_> {
         for &node in forest.order.iter().filter(|&&node| shown[node]) {
             objects[node] = self.contents(node, &forest)?;
         }
-        self.place_all(&forest, &roots, &objects)
+        self.place_all(&forest, &roots, &objects)?;
+        Ok(forest)
     }
 
     /// Makes what stands at a node: cameras, lights and skinned meshes in the world, and the object of an
@@ -51,12 +105,11 @@ impl Loader<'_, '_> {
     fn contents(&mut self, node: usize, forest: &Forest) -> Result<Option<ObjectId>, LoadError> {
         let Node { name, mesh, skin, camera, extensions, .. } = &self.root.nodes[node];
         let path = format!("nodes[{node}]");
-        let world = forest.world[node];
         if let Some(camera) = camera {
-            self.camera(*camera, name.as_deref(), world, &path)?;
+            self.camera(*camera, name.as_deref(), (node, forest), &path)?;
         }
         if let Some(reference) = &extensions.light {
-            self.light(reference.light, name.as_deref(), world, &path)?;
+            self.light(reference.light, name.as_deref(), (node, forest), &path)?;
         }
         match (mesh, skin) {
             (Some(mesh), Some(skin)) => {
@@ -64,7 +117,9 @@ impl Loader<'_, '_> {
                 let object = self.skinned_object(node, *mesh, *skin, forest)?;
                 if let Some(object) = object {
                     let name = name.clone().unwrap_or_default();
-                    self.builder.place(name, object, None, Affine3A::IDENTITY);
+                    let instance = self.builder.place(name, object, None, Affine3A::IDENTITY);
+                    self.show(instance, forest.visible[node]);
+                    self.stage.skinned.push((instance, node));
                 }
                 Ok(None)
             }
@@ -84,32 +139,46 @@ impl Loader<'_, '_> {
         for &node in forest.order.iter().rev() {
             shows[node] = objects[node].is_some() || nodes[node].children.iter().any(|&child| shows[child]);
         }
-        let pending = |parent, parent_from_above, groups| {
-            move |&node: &usize| Pending { node, parent, parent_from_above, groups }
-        };
-        let mut stack: Vec<Pending> = roots.iter().rev().map(pending(None, Affine3A::IDENTITY, 0)).collect();
-        while let Some(Pending { node, parent, parent_from_above, groups }) = stack.pop() {
+        let pending = |parent, above, groups| move |&node: &usize| Pending { node, parent, above, groups };
+        let mut stack: Vec<Pending> = roots.iter().rev().map(pending(None, InGroup::TOP, 0)).collect();
+        while let Some(Pending { node, parent, above, groups }) = stack.pop() {
             let children = nodes[node].children.iter().filter(|&&child| shows[child]);
             let count = children.clone().count() + usize::from(objects[node].is_some());
             if count == 0 {
                 continue;
             }
             let name = nodes[node].name.clone().unwrap_or_default();
-            let transform = parent_from_above * forest.local[node];
-            self.check_finite(node, &transform)?;
-            let (inside, from_node, groups) = if count == 1 || groups >= MAX_GROUPS {
-                (parent, transform, groups)
-            } else {
+            let stands = above.child(&forest.local[node].matrix(), nodes[node].is_visible());
+            self.check_finite(node, &stands.transform)?;
+            let opens_group = count > 1 && groups < MAX_GROUPS;
+            let (inside, here, groups) = if opens_group {
                 let group = self.builder.object(name.as_str(), []);
-                self.builder.place(name.as_str(), group, parent, transform);
-                (Some(group), Affine3A::IDENTITY, groups + 1)
+                let instance = self.builder.place(name.as_str(), group, parent, stands.transform);
+                self.show(instance, stands.visible);
+                self.stage.stand(forest, node, above, Some(instance), true);
+                (Some(group), InGroup::TOP, groups + 1)
+            } else {
+                (parent, stands, groups)
             };
+            let mut instance = None;
             if let Some(object) = objects[node] {
-                self.builder.place(name, object, inside, from_node);
+                let placed = self.builder.place(name, object, inside, here.transform);
+                self.show(placed, here.visible);
+                instance = Some(placed);
             }
-            stack.extend(children.rev().map(pending(inside, from_node, groups)));
+            if !opens_group {
+                self.stage.stand(forest, node, above, instance, false);
+            }
+            stack.extend(children.rev().map(pending(inside, here, groups)));
         }
         Ok(())
+    }
+
+    /// Hides an instance that is just placed, if it is to be hidden.
+    fn show(&mut self, instance: InstanceId, visible: bool) {
+        if !visible {
+            self.builder.show(instance, false);
+        }
     }
 
     /// The nodes at the top of the scene.
@@ -119,14 +188,14 @@ impl Loader<'_, '_> {
             None => self.root.scenes.first().map(|scene| (0, scene)),
         };
         let Some((index, scene)) = scene else {
-            return Ok((0..self.root.nodes.len()).filter(|&node| !forest.has_parent[node]).collect());
+            return Ok((0..self.root.nodes.len()).filter(|&node| forest.parent[node].is_none()).collect());
         };
         let path = format!("scenes[{index}].nodes");
         let mut listed = vec![false; self.root.nodes.len()];
         let mut roots = Vec::new();
         for &node in &scene.nodes {
             self.item(&self.root.nodes, "nodes", node, &path)?;
-            if forest.has_parent[node] || std::mem::replace(&mut listed[node], true) {
+            if forest.parent[node].is_some() || std::mem::replace(&mut listed[node], true) {
                 let message = format!("nodes[{node}] is no root node or is listed twice");
                 self.context.warn(self.place(&path), message, "this entry was ignored");
             } else {
@@ -143,7 +212,7 @@ impl Loader<'_, '_> {
         if nodes.len() as u64 > limit {
             return Err(LoadError::limit(self.place("nodes"), "nodes", nodes.len() as u64, "nodes", limit));
         }
-        self.context.charge_array(nodes.len(), 256, &self.place("nodes"))?;
+        self.context.charge_array(nodes.len(), 320, &self.place("nodes"))?;
         let mut parent = vec![None; nodes.len()];
         for (number, node) in nodes.iter().enumerate() {
             let path = format!("nodes[{number}].children");
@@ -156,15 +225,27 @@ impl Loader<'_, '_> {
                 }
             }
         }
-        let local = nodes.iter().enumerate().map(|(i, n)| self.local(i, n)).collect::<Result<Vec<_>, _>>()?;
+        let local: Vec<Local> = nodes.iter().map(Local::of).collect();
+        let mut world: Vec<Affine3A> = local.iter().map(Local::matrix).collect();
+        for (node, matrix) in world.iter().enumerate() {
+            self.check_finite(node, matrix)?;
+        }
+        let mut visible: Vec<bool> = nodes.iter().map(Node::is_visible).collect();
+        let mut moving = vec![None; nodes.len()];
+        let mut moving_count = 0;
         let mut order: Vec<usize> = (0..nodes.len()).filter(|&node| parent[node].is_none()).collect();
-        let mut world = local.clone();
         let mut depth = vec![1u64; nodes.len()];
         let mut next = 0;
         while next < order.len() {
             let node = order[next];
+            let above_moves = parent[node].is_some_and(|above: usize| moving[above].is_some());
+            if above_moves || self.animated.nodes.contains(&node) {
+                moving[node] = Some(moving_count);
+                moving_count += 1;
+            }
             for &child in &nodes[node].children {
-                world[child] = world[node] * local[child];
+                world[child] = world[node] * world[child];
+                visible[child] &= visible[node];
                 self.check_finite(child, &world[child])?;
                 depth[child] = depth[node] + 1;
                 order.push(child);
@@ -183,24 +264,7 @@ impl Loader<'_, '_> {
             let hint = "remove one of the `children` entries that close the cycle";
             return Err(LoadError::input(self.place(&format!("nodes[{node}]")), problem, hint));
         }
-        Ok(Forest { order, has_parent: parent.iter().map(Option::is_some).collect(), local, world })
-    }
-
-    fn local(&self, number: usize, node: &Node) -> Result<Affine3A, LoadError> {
-        let transform = match &node.matrix {
-            Some(matrix) => Affine3A::from_mat4(Mat4::from_cols_array(matrix)),
-            None => {
-                let rotation = Quat::from_array(node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
-                let length = rotation.length();
-                // A rotation of length 0 says nothing; the identity is what exporters that write it mean.
-                let rotation = if length > 0.0 { rotation / length } else { Quat::IDENTITY };
-                let scale = node.scale.map_or(Vec3::ONE, Vec3::from_array);
-                let translation = node.translation.map_or(Vec3::ZERO, Vec3::from_array);
-                Affine3A::from_scale_rotation_translation(scale, rotation, translation)
-            }
-        };
-        self.check_finite(number, &transform)?;
-        Ok(transform)
+        Ok(Forest { order, parent, local, world, visible, moving })
     }
 
     fn check_finite(&self, node: usize, transform: &Affine3A) -> Result<(), LoadError> {
@@ -209,5 +273,11 @@ impl Loader<'_, '_> {
         }
         let problem = "the node's transform is not finite";
         Err(LoadError::input(self.place(&format!("nodes[{node}]")), problem, "give smaller numbers"))
+    }
+}
+
+impl Node {
+    pub(super) fn is_visible(&self) -> bool {
+        self.extensions.visibility.as_ref().is_none_or(|visibility| visibility.visible)
     }
 }

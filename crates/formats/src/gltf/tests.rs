@@ -11,18 +11,18 @@ use serde_json::{Value, json};
 use super::*;
 use crate::{Limits, Loaded, Memory, NoFiles, load_bytes};
 
-fn read(document: &Value) -> Result<Loaded, LoadError> {
+pub(super) fn read(document: &Value) -> Result<Loaded, LoadError> {
     load_bytes("test.gltf", document.to_string().as_bytes(), &NoFiles, &Limits::default())
 }
 
 /// The scene of a document that gives no diagnostics.
-fn scene(document: &Value) -> Scene {
+pub(super) fn scene(document: &Value) -> Scene {
     let loaded = read(document).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(loaded.diagnostics, []);
     applied(&loaded)
 }
 
-fn applied(loaded: &Loaded) -> Scene {
+pub(super) fn applied(loaded: &Loaded) -> Scene {
     let mut scene = Scene::default();
     scene.apply(&loaded.edits).unwrap();
     scene
@@ -32,7 +32,7 @@ fn error(document: &Value) -> LoadError {
     read(document).unwrap_err()
 }
 
-fn meshes(scene: &Scene) -> Vec<Arc<Mesh>> {
+pub(super) fn meshes(scene: &Scene) -> Vec<Arc<Mesh>> {
     let mesh = |Geometry::Mesh(mesh): &Geometry| mesh.clone();
     scene.geometries().values().map(mesh).collect()
 }
@@ -41,7 +41,7 @@ fn material(scene: &Scene) -> &Material {
     scene.materials().values().next().unwrap()
 }
 
-fn floats(values: &[f32]) -> Vec<u8> {
+pub(super) fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
@@ -52,35 +52,35 @@ fn data_uri(bytes: &[u8]) -> String {
 
 /// Collects accessors: each has a view of its own, all in one buffer.
 #[derive(Default)]
-struct Data {
+pub(super) struct Data {
     bytes: Vec<u8>,
     views: Vec<Value>,
-    accessors: Vec<Value>,
+    pub(super) accessors: Vec<Value>,
 }
 
 impl Data {
-    fn view(&mut self, bytes: &[u8]) -> usize {
+    pub(super) fn view(&mut self, bytes: &[u8]) -> usize {
         self.views.push(json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()}));
         self.bytes.extend(bytes);
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         self.views.len() - 1
     }
 
-    fn add(&mut self, bytes: &[u8], component: u32, shape: &str, count: usize) -> usize {
+    pub(super) fn add(&mut self, bytes: &[u8], component: u32, shape: &str, count: usize) -> usize {
         let view = self.view(bytes);
         self.accessors
             .push(json!({"bufferView": view, "componentType": component, "type": shape, "count": count}));
         self.accessors.len() - 1
     }
 
-    fn floats(&mut self, values: &[f32], shape: &str) -> usize {
+    pub(super) fn floats(&mut self, values: &[f32], shape: &str) -> usize {
         let width = [("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4), ("MAT4", 16)];
         let width = width.iter().find(|(name, _)| *name == shape).unwrap().1;
         self.add(&floats(values), 5126, shape, values.len() / width)
     }
 
     /// The document with the data embedded.
-    fn finish(self, rest: Value) -> Value {
+    pub(super) fn finish(self, rest: Value) -> Value {
         let mut document = json!({
             "asset": {"version": "2.0"},
             "buffers": [{"uri": data_uri(&self.bytes), "byteLength": self.bytes.len()}],
@@ -92,10 +92,10 @@ impl Data {
     }
 }
 
-const TRIANGLE: [f32; 9] = [0., 0., 0., 1., 0., 0., 0., 1., 0.];
+pub(super) const TRIANGLE: [f32; 9] = [0., 0., 0., 1., 0., 0., 0., 1., 0.];
 
 /// A document with one triangle as mesh 0, material 0 on it if `rest` defines one.
-fn triangle(rest: Value) -> Value {
+pub(super) fn triangle(rest: Value) -> Value {
     let mut data = Data::default();
     let position = data.floats(&TRIANGLE, "VEC3");
     let mut primitive = json!({"attributes": {"POSITION": position}});
@@ -246,7 +246,7 @@ fn deep_hierarchies_are_flattened_below_the_deepest_group() {
     };
     let nodes: Vec<Value> = (0..count).map(node).collect();
     let scene = scene(&triangle(json!({"nodes": nodes, "scenes": [{"nodes": [0]}]})));
-    let mut depth = std::collections::BTreeMap::new();
+    let mut depth = BTreeMap::new();
     for object in scene.bottom_up().into_iter().rev() {
         let own = depth.get(&object).copied().unwrap_or(1usize);
         for instance in scene.instances().values().filter(|i| i.parent == Some(object)) {
@@ -518,7 +518,8 @@ fn extensions_and_versions_are_checked() {
     assert!(read(&json!({"asset": {"version": "2.1"}})).is_ok());
     assert!(matches!(error(&json!({"a": 1})), LoadError::Input(_)));
     let animated = read(&triangle(json!({"animations": [{}]}))).unwrap();
-    assert!(animated.diagnostics[0].message.contains("not played"));
+    assert!(animated.diagnostics[0].message.contains("no channel"));
+    assert!(animated.timeline.is_empty());
 }
 
 #[test]

@@ -112,7 +112,13 @@ fn components(plane: Plane) -> &'static [&'static str] {
     }
 }
 
-fn check(what: &str, len: usize, width: u32, height: u32, channels: usize) -> Result<(), EncodeError> {
+pub(super) fn check(
+    what: &str,
+    len: usize,
+    width: u32,
+    height: u32,
+    channels: usize,
+) -> Result<(), EncodeError> {
     let expected = (width as usize).saturating_mul(height as usize).saturating_mul(channels);
     if expected == 0 {
         return Err(EncodeError::Format(format!("it has {width}×{height} pixels; give it at least one")));

@@ -1,4 +1,4 @@
-//! Pictures: PNG, JPEG, TGA, Radiance HDR and OpenEXR in; PNG, HDR and EXR out.
+//! Pictures: PNG, JPEG, TGA, Radiance HDR and OpenEXR in; PNG (animated, too), HDR and EXR out.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -11,6 +11,7 @@ use crate::error::LoadError;
 use crate::limits::Limits;
 use crate::place::Place;
 
+mod animated;
 mod encode;
 mod exr_file;
 pub(crate) mod pixels;
@@ -18,6 +19,7 @@ pub(crate) mod pixels;
 // The decoder library shares its name with this module.
 use ::image as image_crate;
 
+pub use animated::PngAnimation;
 pub use encode::{EncodeError, encode_exr, encode_hdr, encode_png};
 
 /// Reads a picture. The format is recognised by content; TGA, which has no signature, by the extension of `name`.
