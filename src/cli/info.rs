@@ -147,6 +147,7 @@ fn light_kind(kind: &LightKind) -> &'static str {
     match kind {
         LightKind::Point { .. } => "point",
         LightKind::Spot { .. } => "spot",
+        LightKind::ConstantPoint { .. } => "point without fall-off",
         LightKind::Directional { .. } => "directional",
     }
 }

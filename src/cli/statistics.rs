@@ -31,7 +31,7 @@ struct Content {
 
 impl Statistics {
     pub(super) fn of(scene: &Scene) -> Self {
-        let meshes = || scene.geometries().values().map(|Geometry::Mesh(mesh)| mesh);
+        let meshes = || scene.geometries().values().filter_map(Geometry::as_mesh);
         let mut contents: BTreeMap<ObjectId, Content> = BTreeMap::new();
         let placed = |parent: Option<ObjectId>, contents: &BTreeMap<ObjectId, Content>| {
             let mut sum = Content::default();
@@ -49,8 +49,8 @@ impl Statistics {
         for id in scene.bottom_up() {
             let mut content = placed(Some(id), &contents);
             for part in &scene.objects()[&id].parts {
-                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
-                let triangles = mesh.indices.len() as u64;
+                let mesh = scene.geometries()[&part.geometry].as_mesh();
+                let triangles = mesh.map_or(0, |mesh| mesh.indices.len() as u64);
                 content.triangles = content.triangles.saturating_add(triangles);
                 if scene.materials()[&part.material].is_emissive() {
                     content.emissive = content.emissive.saturating_add(triangles);

@@ -6,7 +6,7 @@ use heliostat::formats::{Limits, load};
 use heliostat::framing::frame_scene;
 use heliostat::kernel::glam::{Affine3A, Vec3};
 use heliostat::kernel::{Mesh, World};
-use heliostat::scene::{Camera, Geometry, ObjectId, Projection, Scene, SceneBounds};
+use heliostat::scene::{Camera, ObjectId, Projection, Scene, SceneBounds};
 
 /// Vertical field of view of views placed by hand, degrees.
 const FOV: f32 = 45.0;
@@ -202,7 +202,9 @@ impl Collected {
             }
             let world_from_object = world_from_parent * instance.parent_from_object;
             for part in &scene.objects()[&instance.object].parts {
-                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
+                let mesh = scene.geometries()[&part.geometry]
+                    .as_mesh()
+                    .ok_or("the scene has spheres or cones, which peers do not take")?;
                 let first = u32::try_from(self.positions.len() + mesh.positions.len())
                     .map(|end| end - mesh.positions.len() as u32)
                     .map_err(|_| "the flattened scene has more than 2³² vertices")?;

@@ -20,7 +20,7 @@ fn placed(scene: &Scene, mut visit: impl FnMut(&Mesh, Affine3A, bool)) {
         for instance in scene.instances().values().filter(|instance| instance.parent == parent) {
             let frame = frame * instance.parent_from_object;
             for part in &scene.objects()[&instance.object].parts {
-                let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
+                let Some(mesh) = scene.geometries()[&part.geometry].as_mesh() else { continue };
                 visit(mesh, frame, scene.materials()[&part.material].is_emissive());
             }
             descend(scene, Some(instance.object), frame, visit);
@@ -53,8 +53,8 @@ fn sunflowers_are_a_billion_triangles_of_which_few_are_unique() {
     assert!(triangles(&scene) > 1_000_000_000);
     let mut kinds = 0;
     for (id, object) in scene.objects() {
-        let own = |part: &heliostat_scene::Part| match &scene.geometries()[&part.geometry] {
-            Geometry::Mesh(mesh) => mesh.indices.len(),
+        let own = |part: &heliostat_scene::Part| {
+            scene.geometries()[&part.geometry].as_mesh().unwrap().indices.len()
         };
         let own: usize = object.parts.iter().map(own).sum();
         let placed = scene.placements_of(*id).count();
@@ -87,7 +87,7 @@ fn unknown_names_make_nothing_and_known_ones_something() {
 fn meshes_are_clean() {
     for (name, _) in crate::names() {
         for (id, geometry) in scene(name).geometries() {
-            let Geometry::Mesh(mesh) = geometry;
+            let Some(mesh) = geometry.as_mesh() else { continue };
             check_mesh(mesh, &format!("{name}, {id}"));
         }
     }

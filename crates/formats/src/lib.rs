@@ -8,9 +8,10 @@
 //! | glTF 2.0 (`.gltf`, `.glb`) | see [`gltf`](mod@crate::gltf) |
 //! | Wavefront OBJ with MTL (`.obj`) | see [`obj`](mod@crate::obj) |
 //! | Stanford PLY (`.ply`) | see [`ply`](mod@crate::ply) |
+//! | Neutral File Format of the SPD (`.nff`) | see [`nff`](mod@crate::nff) |
 //!
-//! OBJ and PLY may be compressed (`.gz`). Scenes keep the up axis of the file: all three formats have, or by custom
-//! have, +Y up.
+//! Text formats and PLY may be compressed (`.gz`). Scenes keep the up axis of the file, which is +Y by rule or custom;
+//! NFF is turned to it.
 //!
 //! Nothing here panics on bad input or takes more than the [`Limits`] allow; the edits of a successful load are
 //! accepted by an empty `Scene`.
@@ -38,6 +39,7 @@ mod error;
 pub mod gltf;
 pub mod image;
 mod limits;
+pub mod nff;
 mod normals;
 pub mod obj;
 mod place;
@@ -105,6 +107,7 @@ pub fn load_bytes(
     let (edits, timeline) = match Format::recognise(&file, name, &bytes)? {
         Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
         Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
+        Format::Nff => still(nff::load(&mut context, &file, &bytes)?),
         Format::Obj => still(obj::load(&mut context, &file, &bytes)?),
         Format::Ply => still(ply::load(&mut context, &file, &bytes)?),
     };
@@ -116,12 +119,13 @@ pub fn load_bytes(
 enum Format {
     Glb,
     Gltf,
+    Nff,
     Obj,
     Ply,
 }
 
 impl Format {
-    /// By content; OBJ, which has no signature, also by extension.
+    /// By content; OBJ and NFF, which have no signature, also by extension.
     fn recognise(file: &Arc<str>, name: &str, bytes: &[u8]) -> Result<Self, LoadError> {
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
         if bytes.starts_with(b"glTF") {
@@ -139,11 +143,13 @@ impl Format {
             "glb" => "binary glTF, which starts with `glTF`",
             "ply" => "a PLY file, which starts with `ply`",
             "obj" => return Ok(Self::Obj),
+            "nff" => return Ok(Self::Nff),
+            _ if looks_like_nff(text) => return Ok(Self::Nff),
             _ if looks_like_obj(text) => return Ok(Self::Obj),
             _ => {
                 let problem =
                     if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
-                let hint = "give a glTF (.gltf, .glb), OBJ or PLY file";
+                let hint = "give a glTF (.gltf, .glb), OBJ, PLY or NFF file";
                 return Err(LoadError::unsupported(Place::whole(file), problem, hint));
             }
         };
@@ -158,6 +164,12 @@ fn looks_like_obj(text: &[u8]) -> bool {
         text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && l[0] != b'#');
     let word = statement.and_then(|l| l.split(u8::is_ascii_whitespace).next());
     matches!(word, Some(b"v" | b"vt" | b"vn" | b"o" | b"g" | b"mtllib" | b"usemtl"))
+}
+
+/// Whether the file has a view as in NFF, in its first lines.
+fn looks_like_nff(text: &[u8]) -> bool {
+    let mut words = text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).take(100);
+    words.any(|line| line == b"v") && words.next().is_some_and(|line| line.starts_with(b"from "))
 }
 
 /// The name of a file without directories and extensions: what an object is called that has no other name.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use base64::Engine;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use heliostat_formats::{Limits, load};
-use heliostat_scene::{Geometry, Scene};
+use heliostat_scene::Scene;
 use serde_json::Value;
 
 /// The folder of real scenes, or a line on stderr.
@@ -203,7 +203,8 @@ fn real_files_move_as_the_specification_says() {
         assert_eq!(names, clips, "{file}");
         let mut scene = Scene::default();
         scene.apply(&loaded.edits).unwrap();
-        let points = || scene.geometries().values().flat_map(|Geometry::Mesh(mesh)| mesh.positions.iter());
+        let points =
+            || scene.geometries().values().flat_map(|geometry| geometry.as_mesh().unwrap().positions.iter());
         let size = points().fold(0.0f32, |size, p| size.max(p.length()));
         let node =
             document.json["nodes"].as_array().unwrap().iter().position(|n| n["mesh"].is_u64()).unwrap();
@@ -217,7 +218,8 @@ fn real_files_move_as_the_specification_says() {
                 let edits = loaded.timeline.edits_at(time);
                 let before = scene.geometries().clone();
                 scene.apply(&edits).unwrap();
-                for (primitive, (id, Geometry::Mesh(mesh))) in scene.geometries().iter().enumerate() {
+                for (primitive, (id, geometry)) in scene.geometries().iter().enumerate() {
+                    let mesh = geometry.as_mesh().unwrap();
                     let expected = document.positions(clip, node, primitive, time);
                     assert_eq!(mesh.positions.len(), expected.len());
                     let worst = mesh.positions.iter().zip(&expected);
@@ -225,7 +227,7 @@ fn real_files_move_as_the_specification_says() {
                     // Single precision through a dozen joints of a figure of this size.
                     let tolerance = 2e-5 * size;
                     assert!(worst < tolerance, "{file}, {name}, at {time}: off by {worst}");
-                    let Geometry::Mesh(old) = &before[id];
+                    let old = before[id].as_mesh().unwrap();
                     let far = |(a, b): (&Vec3, &Vec3)| (*a - *b).length();
                     moved = mesh.positions.iter().zip(old.positions.iter()).map(far).fold(moved, f32::max);
                 }

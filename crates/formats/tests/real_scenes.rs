@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use heliostat_formats::image::decode;
 use heliostat_formats::{Limits, Loaded, Severity, load};
-use heliostat_scene::{Geometry, ObjectId, Pixels, Scene};
+use heliostat_scene::{ObjectId, Pixels, Scene};
 
 /// The folder of real scenes, or a line on stderr.
 fn scenes(test: &str) -> Option<PathBuf> {
@@ -49,10 +49,10 @@ fn shown_triangles(scene: &Scene) -> usize {
         scene.placed_in(parent).map(|id| below[&scene.instances()[&id].object]).sum()
     };
     for id in scene.bottom_up() {
-        let own = scene.objects()[&id].parts.iter().map(|part| {
-            let Geometry::Mesh(mesh) = &scene.geometries()[&part.geometry];
-            mesh.indices.len()
-        });
+        let own = scene.objects()[&id]
+            .parts
+            .iter()
+            .map(|part| scene.geometries()[&part.geometry].as_mesh().map_or(0, |mesh| mesh.indices.len()));
         let total = own.sum::<usize>() + sum(Some(id), &below);
         below.insert(id, total);
     }

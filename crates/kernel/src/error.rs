@@ -41,6 +41,14 @@ pub enum BuildError {
         /// Largest number allowed.
         limit: u64,
     },
+    /// More spheres and cones in one object than a tree can number.
+    #[error("{count} spheres and cones in one object (the limit is {limit}); split it")]
+    TooManyQuadrics {
+        /// Shapes given.
+        count: u64,
+        /// Largest number allowed.
+        limit: u64,
+    },
     /// A transform with NaN or infinite entries, or whose inverse has some.
     #[error("instance {instance}: the transform or its inverse is not finite")]
     NonFiniteTransform {

@@ -1,11 +1,12 @@
 //! The brute-force oracle: every triangle, every instance, double precision. Too simple to be wrong.
 use std::borrow::Cow;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::{
     aabb::Aabb,
     object::{Object, double},
+    quadric::Quadric,
     query::RayQuery,
     ray::{Hit, PathId, Ray},
     tile::Tile,
@@ -21,7 +22,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct Oracle {
     /// As the shutter opens.
-    triangles: Vec<WorldTriangle>,
+    still: Expanded,
     /// The world to expand for each ray, if something in it moves.
     moving: Option<World>,
     bounds: Aabb,
@@ -42,22 +43,24 @@ impl Oracle {
     #[must_use]
     pub fn new(world: &World) -> Self {
         let moving = world.has_motion().then(|| world.clone());
-        Self { triangles: expanded(world, 0.0), moving, bounds: world.bounds() }
+        Self { still: Expanded::new(world, 0.0), moving, bounds: world.bounds() }
     }
 
     /// Number of expanded triangles.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
-        self.triangles.len()
+        self.still.triangles.len()
     }
 
-    /// Every triangle that `ray` meets, in no order.
+    /// Every triangle that `ray` meets, and every crossing with a sphere or cone, in no order.
     #[must_use]
     pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
         if !ray.is_valid() {
             return Vec::new();
         }
-        self.at(ray).iter().filter_map(|triangle| triangle.intersect(ray)).collect()
+        let shapes = self.at(ray);
+        let quadrics = shapes.quadrics.iter().flat_map(|quadric| quadric.intersect(ray));
+        shapes.triangles.iter().filter_map(|triangle| triangle.intersect(ray)).chain(quadrics).collect()
     }
 
     /// Every triangle that `ray` meets or passes within `slack` (world units, across the ray), in no order, with
@@ -67,14 +70,14 @@ impl Oracle {
         if !ray.is_valid() {
             return Vec::new();
         }
-        self.at(ray).iter().filter_map(|triangle| triangle.near(ray, slack)).collect()
+        self.at(ray).triangles.iter().filter_map(|triangle| triangle.near(ray, slack)).collect()
     }
 
     /// The triangles at the time of `ray`.
-    fn at(&self, ray: &Ray) -> Cow<'_, [WorldTriangle]> {
+    fn at(&self, ray: &Ray) -> Cow<'_, Expanded> {
         match &self.moving {
-            Some(world) => Cow::Owned(expanded(world, ray.clamped_time())),
-            None => Cow::Borrowed(&self.triangles),
+            Some(world) => Cow::Owned(Expanded::new(world, ray.clamped_time())),
+            None => Cow::Borrowed(&self.still),
         }
     }
 
@@ -83,7 +86,7 @@ impl Oracle {
     }
 
     fn any(&self, ray: &Ray) -> bool {
-        ray.is_valid() && self.at(ray).iter().any(|triangle| triangle.intersect(ray).is_some())
+        !self.all_hits(ray).is_empty()
     }
 }
 
@@ -98,27 +101,48 @@ pub struct NearHit {
     pub cosine: f64,
 }
 
-/// All triangles of the world at a moment in the shutter interval.
-fn expanded(world: &World, time: f32) -> Vec<WorldTriangle> {
-    let mut triangles = Vec::new();
-    expand(world.root(), &DAffine3::IDENTITY, time, 0, &mut triangles);
-    triangles
+/// All shapes of the world at a moment in the shutter interval.
+#[derive(Clone, Debug, Default)]
+struct Expanded {
+    triangles: Vec<WorldTriangle>,
+    quadrics: Vec<WorldQuadric>,
 }
 
-fn expand(object: &Object, world_from_object: &DAffine3, time: f32, path: u64, out: &mut Vec<WorldTriangle>) {
-    if let Some(tree) = &object.triangles {
-        let normal_from_object = world_from_object.matrix3.inverse().transpose();
-        tree.for_each(time, |(corners, triangle)| {
-            let [a, b, c] = corners.map(|p| Vec3::from_array(p).as_dvec3());
-            let (geometry, primitive) = tree.locate(triangle);
-            let ng = (normal_from_object * (b - a).cross(c - a).normalize()).normalize().as_vec3();
-            let corners = [a, b, c].map(|p| world_from_object.transform_point3(p));
-            out.push(WorldTriangle { corners, ng, geometry, primitive, path: PathId(path) });
-        });
+impl Expanded {
+    fn new(world: &World, time: f32) -> Self {
+        let mut expanded = Self::default();
+        expanded.add(world.root(), &DAffine3::IDENTITY, time, 0);
+        expanded
     }
-    for child in &object.instances {
-        let world_from_child = *world_from_object * double(&child.instance.parent_from_object_at(time));
-        expand(&child.instance.object, &world_from_child, time, path + child.path_offset, out);
+
+    fn add(&mut self, object: &Object, world_from_object: &DAffine3, time: f32, path: u64) {
+        let normal_from_object = world_from_object.matrix3.inverse().transpose();
+        let place = PathId(path);
+        if let Some(tree) = &object.triangles {
+            tree.for_each(time, |(corners, triangle)| {
+                let [a, b, c] = corners.map(|p| Vec3::from_array(p).as_dvec3());
+                let (geometry, primitive) = tree.locate(triangle);
+                let ng = (normal_from_object * (b - a).cross(c - a).normalize()).normalize().as_vec3();
+                let corners = [a, b, c].map(|p| world_from_object.transform_point3(p));
+                self.triangles.push(WorldTriangle { corners, ng, geometry, primitive, path: place });
+            });
+        }
+        if let Some(tree) = &object.quadrics {
+            let object_from_world = world_from_object.inverse();
+            let shapes = tree.shapes.iter().zip(&tree.names);
+            let shapes = shapes.filter(|(shape, _)| !shape.bounds().is_empty());
+            self.quadrics.extend(shapes.map(|(&shape, &name)| WorldQuadric {
+                shape,
+                object_from_world,
+                normal_from_object,
+                name,
+                path: place,
+            }));
+        }
+        for child in &object.instances {
+            let world_from_child = *world_from_object * double(&child.instance.parent_from_object_at(time));
+            self.add(&child.instance.object, &world_from_child, time, path + child.path_offset);
+        }
     }
 }
 
@@ -168,6 +192,93 @@ impl WorldTriangle {
         let v = direction.dot(q) / determinant;
         let t = e2.dot(q) / determinant;
         Some((t, u, v))
+    }
+}
+
+/// A quadric as it lies in its object; rays are brought there.
+#[derive(Clone, Copy, Debug)]
+struct WorldQuadric {
+    shape: Quadric,
+    object_from_world: DAffine3,
+    normal_from_object: DMat3,
+    /// (geometry, primitive).
+    name: (u32, u32),
+    path: PathId,
+}
+
+impl WorldQuadric {
+    /// The implicit function, negative inside: distances from the centre, or from the axis, less the radius, squared.
+    fn value(&self, p: DVec3) -> f64 {
+        match self.shape {
+            Quadric::Sphere { center, radius } => {
+                (p - center.as_dvec3()).length_squared() - f64::from(radius).powi(2)
+            }
+            Quadric::Cone { .. } => {
+                let (height, radius) = self.on_axis(p);
+                let (base, axis) = self.axis();
+                (p - base - axis * height).length_squared() - radius * radius
+            }
+        }
+    }
+
+    /// Base and unit axis of a cone.
+    fn axis(&self) -> (DVec3, DVec3) {
+        let Quadric::Cone { base, apex, .. } = self.shape else { return (DVec3::ZERO, DVec3::ZERO) };
+        (base.as_dvec3(), (apex.as_dvec3() - base.as_dvec3()).normalize())
+    }
+
+    /// Height of a point over a cone's base, and the cone's radius there.
+    fn on_axis(&self, p: DVec3) -> (f64, f64) {
+        let Quadric::Cone { base, base_radius, apex, apex_radius } = self.shape else { return (0.0, 0.0) };
+        let (from, axis) = self.axis();
+        let height = (p - from).dot(axis);
+        let length = (apex.as_dvec3() - base.as_dvec3()).length();
+        let radius = |r: f32| f64::from(r.abs());
+        (height, radius(base_radius) + (radius(apex_radius) - radius(base_radius)) * height / length)
+    }
+
+    /// The crossings in the ray's interval. The quadratic is read off three values of the implicit function.
+    fn intersect(&self, ray: &Ray) -> Vec<Hit> {
+        let origin = self.object_from_world.transform_point3(ray.origin.as_dvec3());
+        let direction = self.object_from_world.transform_vector3(ray.direction.as_dvec3());
+        // Steps of the size of the distance: the values then differ in their leading digits.
+        let Aabb { min, max } = self.shape.bounds();
+        let middle = 0.5 * (min.as_dvec3() + max.as_dvec3());
+        let nearest = (middle - origin).dot(direction) / direction.length_squared();
+        let step = (max - min).as_dvec3().length() / direction.length();
+        let at = |s: f64| self.value(origin + direction * (nearest + s * step));
+        let (below, mid, above) = (at(-1.0), at(0.0), at(1.0));
+        let (a, b) = (0.5 * (above + below) - mid, 0.5 * (above - below));
+        let root = (b * b - 4.0 * a * mid).sqrt();
+        let hit = |s: f64| {
+            let t = nearest + s * step;
+            let p = origin + direction * t;
+            let inside = match self.shape {
+                Quadric::Sphere { .. } => true,
+                Quadric::Cone { base, apex, .. } => {
+                    let length = (apex.as_dvec3() - base.as_dvec3()).length();
+                    (0.0..=length).contains(&self.on_axis(p).0)
+                }
+            };
+            let valid = inside && t > f64::from(ray.t_min.max(0.0)) && t < f64::from(ray.t_max);
+            valid.then(|| self.hit(t, p))
+        };
+        [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)].into_iter().filter_map(hit).collect()
+    }
+
+    fn hit(&self, t: f64, p: DVec3) -> Hit {
+        // The gradient, by differences that are exact for quadratic functions.
+        let h = 0.25 * f64::from((self.shape.bounds().size()).max_element());
+        let slope = |axis: DVec3| self.value(p + axis * h) - self.value(p - axis * h);
+        let gradient = DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
+        let outwards = match self.shape {
+            Quadric::Sphere { radius, .. } => radius > 0.0,
+            Quadric::Cone { base_radius, apex_radius, .. } => base_radius + apex_radius > 0.0,
+        };
+        let ng = (self.normal_from_object * if outwards { gradient } else { -gradient }).normalize();
+        let (geometry, primitive) = self.name;
+        let [u, v] = self.shape.coordinates(p - self.shape.middle());
+        Hit { t: t as f32, u, v, ng: ng.as_vec3(), geometry, primitive, path: self.path }
     }
 }
 

@@ -98,8 +98,7 @@ impl Scene {
         };
         Ok(match edit {
             Edit::Geometry(id, geometry) => {
-                let Geometry::Mesh(mesh) = geometry;
-                valid(Target::Geometry(*id), mesh.inconsistency())?;
+                valid(Target::Geometry(*id), geometry.inconsistency())?;
                 Undo::Geometry(*id, self.geometries.insert(*id, geometry.clone()))
             }
             Edit::Texture(id, texture) => {

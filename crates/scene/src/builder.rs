@@ -6,7 +6,7 @@ use glam::Affine3A;
 
 use crate::{
     Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
-    Material, MaterialId, Mesh, Object, ObjectId, Part, Scene, Texture, TextureId,
+    Material, MaterialId, Mesh, Object, ObjectId, Part, Quadric, Quadrics, Scene, Texture, TextureId,
 };
 
 /// Makes lists of edits with fresh handles: what importers and programs use to write scenes.
@@ -59,6 +59,13 @@ impl SceneBuilder {
     pub fn mesh(&mut self, mesh: Mesh) -> GeometryId {
         let id = GeometryId(take(&mut self.next.geometry));
         self.edits.push(Edit::Geometry(id, Geometry::Mesh(Arc::new(mesh))));
+        id
+    }
+
+    /// Adds spheres and cones.
+    pub fn quadrics(&mut self, shapes: Vec<Quadric>) -> GeometryId {
+        let id = GeometryId(take(&mut self.next.geometry));
+        self.edits.push(Edit::Geometry(id, Geometry::Quadrics(Arc::new(Quadrics { shapes }))));
         id
     }
 

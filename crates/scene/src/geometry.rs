@@ -4,11 +4,41 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::Quadrics;
+
 /// A shape in object space, shared by reference: cloning is cheap.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// Indexed triangles.
     Mesh(Arc<Mesh>),
+    /// Spheres and cones.
+    Quadrics(Arc<Quadrics>),
+}
+
+impl Geometry {
+    /// The triangles, if it is made of them.
+    pub fn as_mesh(&self) -> Option<&Arc<Mesh>> {
+        match self {
+            Self::Mesh(mesh) => Some(mesh),
+            Self::Quadrics(_) => None,
+        }
+    }
+
+    /// Number of triangles or shapes.
+    pub fn primitives(&self) -> usize {
+        match self {
+            Self::Mesh(mesh) => mesh.indices.len(),
+            Self::Quadrics(quadrics) => quadrics.shapes.len(),
+        }
+    }
+
+    /// What is inconsistent in itself, if anything.
+    pub(crate) fn inconsistency(&self) -> Option<String> {
+        match self {
+            Self::Mesh(mesh) => mesh.inconsistency(),
+            Self::Quadrics(quadrics) => quadrics.inconsistency(),
+        }
+    }
 }
 
 /// An indexed triangle mesh with optional attributes per vertex.

@@ -36,6 +36,7 @@ mod handle;
 mod light;
 mod material;
 mod object;
+mod quadric;
 mod scene;
 mod texture;
 mod timeline;
@@ -51,6 +52,7 @@ pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId
 pub use light::{Environment, EnvironmentMap, Light, LightKind};
 pub use material::{AlphaMode, Clearcoat, Material, TextureRef, UvTransform, Volume};
 pub use object::{Instance, Object, Part};
+pub use quadric::{Quadric, Quadrics};
 pub use scene::{Scene, SceneBounds};
 pub use texture::{ColorSpace, Image, Pixels, Texture, Wrap};
 pub use timeline::{Clip, Motion, Pose, Timeline};

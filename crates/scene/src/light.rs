@@ -42,6 +42,14 @@ pub enum LightKind {
         /// As for [`LightKind::Point`].
         range: f32,
     },
+    /// Lights every surface that faces it alike, however far away: the point light of classical renderers and their
+    /// formats. No physical light does.
+    ConstantPoint {
+        /// World space, metres.
+        position: Vec3,
+        /// Irradiance on a surface facing the light, at any distance, W/m².
+        irradiance: Vec3,
+    },
     /// Infinitely far away.
     Directional {
         /// Direction in which light travels.
@@ -66,6 +74,7 @@ impl Light {
                 }
                 (position, direction, intensity, range)
             }
+            LightKind::ConstantPoint { position, irradiance } => (position, Vec3::Y, irradiance, 1.0),
             LightKind::Directional { direction, irradiance } => (Vec3::ZERO, direction, irradiance, 1.0),
         };
         if !place.is_finite() {

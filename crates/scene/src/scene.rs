@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::{
     Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
-    Material, MaterialId, Object, ObjectId, Texture, TextureId,
+    Material, MaterialId, Object, ObjectId, Quadric, Texture, TextureId,
 };
 
 /// All data of a scene by handle. [`Scene::apply`] is the only way to change it, so references are always valid.
@@ -169,12 +169,16 @@ impl Scene {
         for id in self.bottom_up() {
             let mut bounds = around(Some(id), &boxes);
             for part in &self.objects[&id].parts {
-                let Geometry::Mesh(mesh) = &self.geometries[&part.geometry];
-                mesh.positions
-                    .iter()
-                    .chain(mesh.motion.iter())
-                    .filter(|p| p.is_finite())
-                    .for_each(|p| grow(&mut bounds, *p));
+                match &self.geometries[&part.geometry] {
+                    Geometry::Mesh(mesh) => {
+                        let points = mesh.positions.iter().chain(mesh.motion.iter());
+                        points.filter(|p| p.is_finite()).for_each(|p| grow(&mut bounds, *p));
+                    }
+                    Geometry::Quadrics(quadrics) => {
+                        let corners = quadrics.shapes.iter().flat_map(Quadric::bounds);
+                        corners.filter(|p| p.is_finite()).for_each(|p| grow(&mut bounds, p));
+                    }
+                }
             }
             boxes.insert(id, bounds);
         }

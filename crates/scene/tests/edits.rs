@@ -214,7 +214,7 @@ fn a_timeline_sends_everything_once_and_then_what_changed() {
     );
     scene.apply(&second).expect("valid");
     scene.apply(&third).expect("valid");
-    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    let mesh = scene.geometries()[&GeometryId(0)].as_mesh().unwrap();
     assert_eq!(mesh.positions[0], Vec3::Y * 2.0);
     assert!(scene.bounds().is_none(), "it is hidden");
 }
@@ -227,7 +227,7 @@ fn an_open_shutter_makes_sweeps() {
     let moving = &scene.instances()[&InstanceId(1)];
     assert_eq!(moving.motion, Some(Affine3A::from_translation(Vec3::X * 1.5)));
     assert_eq!(scene.instances()[&InstanceId(0)].motion, None);
-    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    let mesh = scene.geometries()[&GeometryId(0)].as_mesh().unwrap();
     assert_eq!((mesh.positions[0].y, mesh.motion[0].y), (1.0, 1.5));
     scene.apply(&timeline.edits_at(1.0)).expect("valid");
     assert_eq!(
@@ -235,7 +235,7 @@ fn an_open_shutter_makes_sweeps() {
         None,
         "a shutter that does not open stops everything"
     );
-    let Geometry::Mesh(mesh) = &scene.geometries()[&GeometryId(0)];
+    let mesh = scene.geometries()[&GeometryId(0)].as_mesh().unwrap();
     assert!(mesh.motion.is_empty());
 }
 

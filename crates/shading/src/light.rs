@@ -5,13 +5,14 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use heliostat_scene::{Light, LightKind, SceneBounds};
+use heliostat_scene::{Geometry, Light, LightKind, SceneBounds};
 
 use crate::color::luminance;
 use crate::environment::EnvironmentLight;
 use crate::material::SurfaceMaterial;
+use crate::quadric;
 use crate::sampling::{Discrete, uniform_triangle};
-use crate::surface::{Corners, Placement, ShadedPart};
+use crate::surface::{Corners, Met, Placement, ShadedPart};
 
 /// Every light of a scene: points, spots, directions, emissive parts of placements, the environment.
 #[derive(Clone, Debug, Default)]
@@ -32,7 +33,7 @@ enum Emitter {
     Environment,
 }
 
-/// One emissive part of a placement; triangles are chosen in proportion to area times mean emission.
+/// One emissive part of a placement; triangles, spheres and cones are chosen in proportion to area times mean emission.
 #[derive(Clone, Debug)]
 struct AreaEmitter {
     placement: u32,
@@ -114,7 +115,7 @@ impl Lights {
         for &(index, part_index) in emissive {
             let (placement, part, material) = tables.part(index, part_index);
             let key = (part.geometry, part.material);
-            let triangles = shared.entry(key).or_insert_with(|| Arc::new(triangle_weights(part, material)));
+            let triangles = shared.entry(key).or_insert_with(|| Arc::new(primitive_weights(part, material)));
             // The cube root of the volume scale, squared, stands for the scale of areas.
             let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
             let sides = if material.source().double_sided { 2.0 } else { 1.0 };
@@ -211,21 +212,19 @@ impl AreaEmitter {
         let moved = placement.at(time);
         let placement = moved.as_ref().unwrap_or(placement);
         let (primitive, probability, _) = self.triangles.sample(u_triangle)?;
-        let uv = uniform_triangle(u);
-        let corners = Corners::new(&part.mesh, primitive as u32, uv, time);
-        let (point, error) = corners.point(placement);
-        let [a, b, c] = corners.world(&placement.world_from_object);
-        let cross = (b - a).cross(c - a);
-        // A mirroring transform turns the winding but not the front.
-        let mirrored = placement.world_from_object.matrix3.determinant() < 0.0;
-        let normal = (if mirrored { -cross } else { cross }).try_normalize()?;
-        let area = 0.5 * cross.length();
+        let uv = match &part.shape {
+            Geometry::Mesh(_) => uniform_triangle(u),
+            Geometry::Quadrics(quadrics) => quadric::sample(&quadrics.shapes[primitive], u),
+        };
+        let met = Met::new(&part.shape, primitive as u32, uv, time);
+        let (point, error) = met.point(placement);
+        let normal = met.normal(placement).try_normalize()?;
         let to_light = point - position;
         let distance2 = to_light.length_squared();
         let wi = to_light.try_normalize()?;
         let cos = -normal.dot(wi);
-        let radiance = material.visible_emission(&corners.coordinates(material, 2.0 * area, 0.0), cos > 0.0);
-        let pdf = probability * distance2 / (area * cos.abs());
+        let radiance = material.visible_emission(&met.coordinates(material, placement, 0.0), cos > 0.0);
+        let pdf = probability * met.area_pdf(placement) * distance2 / cos.abs();
         let usable = radiance != Vec3::ZERO && pdf > 0.0 && pdf.is_finite();
         // The shadow ray stops just before the light.
         let distance = (distance2.sqrt() * (1.0 - 1e-4) - error).max(0.0);
@@ -233,16 +232,22 @@ impl AreaEmitter {
     }
 }
 
-/// Area times luminance of the emission at each triangle, object space, with a floor so that every one is found.
-fn triangle_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
+/// Area times luminance of the emission at each primitive, object space, with a floor so that every one is found.
+fn primitive_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete {
     let floor = 0.05 * luminance(material.mean_emission());
-    Discrete::new((0..part.mesh.indices.len() as u32).map(|primitive| {
-        let corners = Corners::new(&part.mesh, primitive, Vec2::splat(1.0 / 3.0), 0.0);
-        let [a, b, c] = corners.positions();
-        let area = 0.5 * (b - a).cross(c - a).length();
-        let at = corners.coordinates(material, (2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
-        area * (luminance(material.visible_emission(&at, true)) + floor)
-    }))
+    match &part.shape {
+        Geometry::Mesh(mesh) => Discrete::new((0..mesh.indices.len() as u32).map(|primitive| {
+            let corners = Corners::new(mesh, primitive, Vec2::splat(1.0 / 3.0), 0.0);
+            let [a, b, c] = corners.positions();
+            let area = 0.5 * (b - a).cross(c - a).length();
+            let at = corners.coordinates(material, (2.0 * area).max(f32::MIN_POSITIVE), area.sqrt());
+            area * (luminance(material.visible_emission(&at, true)) + floor)
+        })),
+        Geometry::Quadrics(quadrics) => {
+            let mean = luminance(material.mean_emission());
+            Discrete::new(quadrics.shapes.iter().map(|shape| quadric::area(shape) * (mean + floor)))
+        }
+    }
 }
 
 fn power(kind: &LightKind, cross_section: f32) -> f32 {
@@ -251,7 +256,9 @@ fn power(kind: &LightKind, cross_section: f32) -> f32 {
         LightKind::Spot { intensity, inner_angle, outer_angle, .. } => {
             luminance(intensity) * 2.0 * PI * (1.0 - (0.5 * (inner_angle + outer_angle)).cos()).max(1e-4)
         }
-        LightKind::Directional { irradiance, .. } => luminance(irradiance) * cross_section,
+        LightKind::Directional { irradiance, .. } | LightKind::ConstantPoint { irradiance, .. } => {
+            luminance(irradiance) * cross_section
+        }
     }
 }
 
@@ -273,6 +280,9 @@ fn sample_light(kind: &LightKind, position: Vec3) -> Option<LightSample> {
             let fade = ((cos - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
             sample.weight *= fade * fade;
             sample
+        }
+        LightKind::ConstantPoint { position: light, irradiance } => {
+            LightSample { weight: irradiance, ..from_point(light, irradiance, f32::INFINITY)? }
         }
         LightKind::Directional { direction, irradiance } => LightSample {
             wi: -direction.try_normalize()?,

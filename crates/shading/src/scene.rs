@@ -10,7 +10,7 @@ use crate::camera::Cone;
 use crate::environment::EnvironmentLight;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
-use crate::surface::{Placement, ShadedPart, Surface, SurfaceQuery, surface};
+use crate::surface::{Met, Placement, ShadedPart, Surface, SurfaceQuery, surface};
 
 /// Materials, placements and lights, indexed the way the kernel reports hits.
 ///
@@ -154,13 +154,11 @@ impl ShadingScene {
         let (placement, part, _) = self.part(hit);
         let moved = placement.at(ray.time);
         let placement = moved.as_ref().unwrap_or(placement);
-        let corners =
-            crate::surface::Corners::new(&part.mesh, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
-        let [a, b, c] = corners.world(&placement.world_from_object);
-        let area = 0.5 * (b - a).cross(c - a).length();
+        let met = Met::new(&part.shape, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
         let cos = hit.ng.dot(ray.direction).abs();
         let probability = self.lights.triangle_probability(emitter, hit.primitive);
-        let solid_angle = probability * distance * distance / (area * cos).max(f32::MIN_POSITIVE);
+        let solid_angle =
+            probability * met.area_pdf(placement) * distance * distance / cos.max(f32::MIN_POSITIVE);
         Some(EmitterPdf { choice, solid_angle })
     }
 

@@ -3,18 +3,19 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec3A, Vec4};
-use heliostat_scene::{GeometryId, InstanceId, Mesh, ObjectId};
+use heliostat_scene::{Geometry, GeometryId, InstanceId, Mesh, ObjectId};
 
 use crate::basis::Basis;
 use crate::bsdf::Bsdf;
 use crate::camera::Cone;
 use crate::material::{LobeGeometry, Slot, SurfaceMaterial, TextureCoordinates};
+use crate::quadric::Spot;
 
 /// A geometry of an object with its material, as the shader tables hold it.
 #[derive(Clone, Debug)]
 pub struct ShadedPart {
-    /// Attributes.
-    pub mesh: Arc<Mesh>,
+    /// The shape with its attributes.
+    pub shape: Geometry,
     /// Index into the material table.
     pub material: u32,
     /// The handle.
@@ -82,14 +83,14 @@ impl Placement {
     }
 }
 
-/// Where a ray met a triangle, without reference to any accelerator.
+/// Where a ray met a triangle, a sphere or a cone, without reference to any accelerator.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceQuery {
-    /// Barycentric weights of the second and third vertex.
+    /// Barycentric weights of the second and third vertex; the kernel's coordinates of a sphere or cone.
     pub uv: Vec2,
     /// Unit geometric normal in world space, on the front side.
     pub ng: Vec3,
-    /// Triangle of the part's mesh.
+    /// Triangle of the part's mesh, or which of its shapes.
     pub primitive: u32,
     /// Unit vector towards where the ray came from.
     pub wo: Vec3,
@@ -167,6 +168,12 @@ impl<'a> Corners<'a> {
         self.positions().map(|p| world_from_object.transform_point3(p))
     }
 
+    /// Twice the area in the world.
+    pub(crate) fn doubled_area(&self, world_from_object: &Affine3A) -> f32 {
+        let [a, b, c] = self.world(world_from_object);
+        (b - a).cross(c - a).length()
+    }
+
     fn interpolate<T>(&self, values: &[T]) -> Option<T>
     where
         T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
@@ -183,13 +190,7 @@ impl<'a> Corners<'a> {
         let [wa, wb, wc] = self.weights;
         let p = a * wa + b * wb + c * wc;
         let largest = a.abs().max(b.abs()).max(c.abs());
-        // Each coordinate is a sum of at most four rounded products of this magnitude, and the kernel's own
-        // intersection of the next ray rounds as often again (Higham 2002, γ_n ≈ nε); 16 covers both.
-        let m = world_from_object.matrix3;
-        let abs = Mat3A::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
-        let magnitude = abs * Vec3A::from(largest) + world_from_object.translation.abs();
-        let magnitude = magnitude.max_element() + placement.detour;
-        (world_from_object.transform_point3(p), 16.0 * 0.5 * f32::EPSILON * magnitude)
+        (world_from_object.transform_point3(p), placement.rounding(largest))
     }
 
     /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
@@ -251,6 +252,75 @@ impl<'a> Corners<'a> {
         let y = n.cross(x);
         Some(Basis { x, y: if y.dot(along_v) > 0.0 { -y } else { y }, z: n })
     }
+}
+
+/// What was hit, with the attributes at the hit.
+pub(crate) enum Met<'a> {
+    Triangle(Corners<'a>),
+    Quadric(Spot),
+}
+
+impl<'a> Met<'a> {
+    /// `time` in [0, 1] of the shutter interval.
+    pub(crate) fn new(shape: &'a Geometry, primitive: u32, uv: Vec2, time: f32) -> Self {
+        match shape {
+            Geometry::Mesh(mesh) => Self::Triangle(Corners::new(mesh, primitive, uv, time)),
+            Geometry::Quadrics(quadrics) => {
+                Self::Quadric(Spot::new(&quadrics.shapes[primitive as usize], uv))
+            }
+        }
+    }
+
+    /// World-space point and a bound on its rounding error.
+    pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
+        match self {
+            Self::Triangle(corners) => corners.point(placement),
+            Self::Quadric(spot) => spot.point(placement),
+        }
+    }
+
+    /// Density per square metre of the world of points distributed evenly over this primitive, in object space.
+    pub(crate) fn area_pdf(&self, placement: &Placement) -> f32 {
+        match self {
+            Self::Triangle(corners) => 2.0 / corners.doubled_area(&placement.world_from_object),
+            Self::Quadric(spot) => spot.area_pdf(&placement.world_from_object),
+        }
+    }
+
+    /// World-space geometric normal on the front side; not unit length.
+    pub(crate) fn normal(&self, placement: &Placement) -> Vec3 {
+        match self {
+            Self::Triangle(corners) => {
+                let [a, b, c] = corners.world(&placement.world_from_object);
+                let cross = (b - a).cross(c - a);
+                // A mirroring transform turns the winding but not the front.
+                if placement.world_from_object.matrix3.determinant() < 0.0 { -cross } else { cross }
+            }
+            Self::Quadric(spot) => spot.normal(placement),
+        }
+    }
+
+    /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
+    pub(crate) fn coordinates(
+        &self,
+        material: &SurfaceMaterial,
+        placement: &Placement,
+        width: f32,
+    ) -> TextureCoordinates {
+        let matrix = &placement.world_from_object;
+        match self {
+            Self::Triangle(corners) => corners.coordinates(material, corners.doubled_area(matrix), width),
+            Self::Quadric(spot) => spot.coordinates(material, matrix, width),
+        }
+    }
+
+    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
+    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
+        match self {
+            Self::Triangle(corners) => corners.shading_normal(placement, ng),
+            Self::Quadric(_) => (ng, false),
+        }
+    }
 
     /// The normal of a normal map, in world space.
     fn mapped_normal(
@@ -261,7 +331,11 @@ impl<'a> Corners<'a> {
         scale: f32,
         at: &TextureCoordinates,
     ) -> Vec3 {
-        let Some(basis) = self.tangent_basis(placement, smooth, slot) else { return smooth.0 };
+        let basis = match self {
+            Self::Triangle(corners) => corners.tangent_basis(placement, smooth, slot),
+            Self::Quadric(spot) => spot.tangent_basis(&placement.world_from_object, smooth.0, slot),
+        };
+        let Some(basis) = basis else { return smooth.0 };
         let t = slot.lookup(at).truncate() * 2.0 - 1.0;
         let t = Vec3::new(t.x * scale, t.y * scale, t.z);
         basis.to_world(t).try_normalize().unwrap_or(smooth.0)
@@ -282,21 +356,19 @@ pub(crate) fn surface(
     material: &SurfaceMaterial,
     query: &SurfaceQuery,
 ) -> Surface {
-    let corners = Corners::new(&part.mesh, query.primitive, query.uv, query.time);
-    let (position, error) = corners.point(placement);
-    let [a, b, c] = corners.world(&placement.world_from_object);
-    let world_area = (b - a).cross(c - a).length();
+    let met = Met::new(&part.shape, query.primitive, query.uv, query.time);
+    let (position, error) = met.point(placement);
     let cos = query.ng.dot(query.wo);
     // At grazing angles the footprint is an ellipse; limiting its length keeps textures sharp, and the samples of the
     // pixel filter the rest.
-    let at = corners.coordinates(material, world_area, query.cone.width / cos.abs().max(0.25));
+    let at = met.coordinates(material, placement, query.cone.width / cos.abs().max(0.25));
     let front = cos > 0.0;
     let side = if front { 1.0 } else { -1.0 };
 
     let source = material.source();
-    let smooth = corners.shading_normal(placement, query.ng);
+    let smooth = met.shading_normal(placement, query.ng);
     let mapped = |slot: &Option<Slot>, scale: f32| match slot {
-        Some(slot) => corners.mapped_normal(placement, smooth, slot, scale, &at),
+        Some(slot) => met.mapped_normal(placement, smooth, slot, scale, &at),
         None => smooth.0,
     };
     let basis =

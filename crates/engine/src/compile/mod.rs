@@ -15,8 +15,8 @@ use std::time::Instant;
 use heliostat_kernel as kernel;
 use heliostat_kernel::World;
 use heliostat_scene::{
-    Applied, ApplyReport, BackendError, Edit, Geometry, GeometryId, InstanceId, MaterialId, MaterialOverride,
-    ObjectId, Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
+    Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
+    Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
 };
 use heliostat_shading::{EnvironmentLight, InterfaceCache, MipMap, ShadingScene};
 use rayon::prelude::*;
@@ -203,11 +203,6 @@ fn stage_textures(
     let cause = (Target::Texture(first), RebuildReason::Changed);
     note(report, "texture pyramids".into(), cause, RebuildKind::Built, texels, start);
     Ok(built)
-}
-
-fn mesh_of(scene: &Scene, geometry: GeometryId) -> &Arc<heliostat_scene::Mesh> {
-    let Geometry::Mesh(mesh) = &scene.geometries()[&geometry];
-    mesh
 }
 
 fn note(

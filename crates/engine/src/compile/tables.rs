@@ -10,9 +10,9 @@ use heliostat_scene::{
 };
 use heliostat_shading::{Placement, ShadedPart, ShadingScene, SurfaceMaterial, Sweep};
 
+use super::Compiled;
 use super::changes::{Changes, Holder};
 use super::world::Touched;
-use super::{Compiled, mesh_of};
 
 /// Most objects in the fully expanded tree of instances: each has an entry in the shader tables.
 const MAX_PLACEMENTS: u64 = 1 << 22;
@@ -155,7 +155,7 @@ impl Compiled {
 
 fn shaded_parts(scene: &Scene, object: &Object, slot: impl Fn(MaterialId) -> u32) -> Arc<[ShadedPart]> {
     let part = |part: &heliostat_scene::Part| ShadedPart {
-        mesh: mesh_of(scene, part.geometry).clone(),
+        shape: scene.geometries()[&part.geometry].clone(),
         material: slot(part.material),
         geometry: part.geometry,
     };

@@ -6,15 +6,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use heliostat_kernel as kernel;
-use heliostat_kernel::{BuildError, BuildOptions, BuildProgress, KdOptions, KdTree, TriangleBvh, Triangles};
-use heliostat_scene::{
-    ApplyReport, BackendError, GeometryId, Mesh, Object, ObjectId, Progress, RebuildKind, RebuildReason,
-    Rebuilt, Scene, Target,
+use heliostat_kernel::{
+    BuildError, BuildOptions, BuildProgress, KdOptions, KdTree, Quadrics, TriangleBvh, Triangles,
 };
+use heliostat_scene::{
+    ApplyReport, BackendError, Geometry, GeometryId, Mesh, Object, ObjectId, Progress, RebuildKind,
+    RebuildReason, Rebuilt, Scene, Target,
+};
+use heliostat_shading::kernel_quadric;
 use rayon::prelude::*;
 
 use super::changes::{Cause, Changes};
-use super::{BuiltObject, Compiled, mesh_of};
+use super::{BuiltObject, Compiled};
 use crate::engine::Accelerator;
 
 /// Objects of fewer triangles are built side by side, one thread each.
@@ -74,11 +77,15 @@ impl Compiled {
         let Some(Triangles::Bvh(tree)) = built.object.triangles() else { return false };
         let stats = tree.stats();
         let mut triangles = 0;
-        let same = meshes(scene, &scene.objects()[&id]).zip(&built.indices).all(|(mesh, indices)| {
+        let object = &scene.objects()[&id];
+        if meshes(scene, object).count() != built.indices.len() {
+            return false;
+        }
+        let same = meshes(scene, object).zip(&built.indices).all(|(mesh, indices)| {
             triangles += mesh.indices.len();
             Arc::ptr_eq(&mesh.indices, indices) || mesh.indices == *indices
         });
-        let same_motion = built.moving == is_moving(scene, &scene.objects()[&id]);
+        let same_motion = built.moving == is_moving(scene, object);
         same && same_motion && stats.triangles == triangles
     }
 
@@ -121,13 +128,29 @@ fn is_moving(scene: &Scene, object: &Object) -> bool {
 }
 
 fn meshes<'a>(scene: &'a Scene, object: &'a Object) -> impl Iterator<Item = &'a Arc<Mesh>> {
-    object.parts.iter().map(|part| mesh_of(scene, part.geometry))
+    object.parts.iter().filter_map(|part| scene.geometries()[&part.geometry].as_mesh())
 }
 
-/// An object's meshes as the kernel takes them.
+/// A tree over those of an object's parts that are spheres and cones, if there are any.
+pub(super) fn kernel_quadrics(scene: &Scene, object: &Object) -> Result<Option<Arc<Quadrics>>, BuildError> {
+    let lists: Vec<(u32, Vec<kernel::Quadric>)> = (0..)
+        .zip(&object.parts)
+        .filter_map(|(index, part)| match &scene.geometries()[&part.geometry] {
+            Geometry::Mesh(_) => None,
+            Geometry::Quadrics(list) => Some((index, list.shapes.iter().map(kernel_quadric).collect())),
+        })
+        .collect();
+    if lists.is_empty() {
+        return Ok(None);
+    }
+    Quadrics::build(lists.iter().map(|(index, shapes)| (*index, &shapes[..])))
+        .map(|tree| Some(Arc::new(tree)))
+}
+
+/// An object's meshes as the kernel takes them; other shapes leave their numbers free.
 pub(super) fn kernel_meshes(scene: &Scene, geometries: &[GeometryId]) -> Vec<kernel::Mesh> {
     let of = |&geometry: &GeometryId| {
-        let mesh = mesh_of(scene, geometry);
+        let Some(mesh) = scene.geometries()[&geometry].as_mesh() else { return kernel::Mesh::default() };
         let motion = (!mesh.motion.is_empty()).then(|| mesh.motion.clone());
         kernel::Mesh { positions: mesh.positions.clone(), indices: mesh.indices.clone(), motion }
     };

@@ -11,7 +11,7 @@ use heliostat_scene::{
 };
 
 use super::changes::{Cause, Changes, Holder, Move};
-use super::trees::{StagedTree, TreeWork, kernel_meshes, refused, tell};
+use super::trees::{StagedTree, TreeWork, kernel_meshes, kernel_quadrics, refused, tell};
 use super::{BuiltObject, Compiled, note};
 
 /// What happened to the hierarchy, for the shader tables.
@@ -119,6 +119,9 @@ impl Compiled {
                 tell(&mut tree, pass.report);
                 object.set_triangles(tree.triangles);
             }
+            if let Some(work) = work {
+                pass.quadrics(object, &name, work)?;
+            }
             if let Some(work) = work.filter(|work| work.refit) {
                 pass.refit(object, &name, work)?;
             }
@@ -184,6 +187,24 @@ impl Pass<'_> {
             let kind = RebuildKind::Refitted { cost: stats.sah / stats.sah_at_build };
             note(self.report, format!("triangle tree of {name}"), work.cause, kind, work.triangles, start);
         }
+        Ok(())
+    }
+
+    /// Rebuilds the tree of an object's spheres and cones: there are few of them, beside triangles.
+    fn quadrics(
+        &mut self,
+        object: &mut kernel::Object,
+        name: &str,
+        work: &TreeWork,
+    ) -> Result<(), BackendError> {
+        let start = Instant::now();
+        let quadrics = kernel_quadrics(self.scene, &self.scene.objects()[&work.id]);
+        let quadrics = quadrics.map_err(|error| refused(name, &error))?;
+        if let Some(quadrics) = &quadrics {
+            let (what, count) = (format!("tree of the spheres and cones of {name}"), quadrics.len() as u64);
+            note(self.report, what, work.cause, RebuildKind::Built, count, start);
+        }
+        object.set_quadrics(quadrics);
         Ok(())
     }
 
@@ -312,7 +333,9 @@ impl Pass<'_> {
         }
         let count = instances.len() as u64;
         let object = kernel::Object::new(held.object.triangles().cloned(), instances);
+        let quadrics = held.object.quadrics().cloned();
         *held.object = object.map_err(|error| refused(&held.name, &error))?;
+        held.object.set_quadrics(quadrics);
         Ok(count)
     }
 }

@@ -133,6 +133,10 @@ pub(super) fn place_light(mut kind: LightKind, world: &Affine3A, visible: bool) 
             *position = there;
             *intensity *= shown;
         }
+        LightKind::ConstantPoint { position, irradiance } => {
+            *position = there;
+            *irradiance *= shown;
+        }
         LightKind::Directional { direction, irradiance } => {
             *direction = ahead;
             *irradiance *= shown;
@@ -142,5 +146,5 @@ pub(super) fn place_light(mut kind: LightKind, world: &Affine3A, visible: bool) 
             *intensity *= shown;
         }
     }
-    (ahead_ok || matches!(kind, LightKind::Point { .. })).then_some(kind)
+    (ahead_ok || matches!(kind, LightKind::Point { .. } | LightKind::ConstantPoint { .. })).then_some(kind)
 }

@@ -33,7 +33,7 @@ fn error(document: &Value) -> LoadError {
 }
 
 pub(super) fn meshes(scene: &Scene) -> Vec<Arc<Mesh>> {
-    let mesh = |Geometry::Mesh(mesh): &Geometry| mesh.clone();
+    let mesh = |geometry: &Geometry| geometry.as_mesh().unwrap().clone();
     scene.geometries().values().map(mesh).collect()
 }
 

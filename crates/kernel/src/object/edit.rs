@@ -2,7 +2,7 @@
 use std::sync::{Arc, LazyLock};
 
 use super::{Instance, Object};
-use crate::{build::TreeStats, error::BuildError, mesh::Mesh, triangles::Triangles};
+use crate::{build::TreeStats, error::BuildError, mesh::Mesh, quadric::Quadrics, triangles::Triangles};
 
 /// Stands in for released children.
 static EMPTY: LazyLock<Arc<Object>> = LazyLock::new(|| Arc::new(Object::empty()));
@@ -23,6 +23,12 @@ impl Object {
     /// Replaces the object's own triangles; its instances stay.
     pub fn set_triangles(&mut self, triangles: Option<Triangles>) {
         self.triangles = triangles;
+        self.unite_bounds();
+    }
+
+    /// Replaces the object's own spheres and cones; all else stays.
+    pub fn set_quadrics(&mut self, quadrics: Option<Arc<Quadrics>>) {
+        self.quadrics = quadrics;
         self.unite_bounds();
     }
 

@@ -11,7 +11,9 @@ use glam::{Affine3A, Mat3A};
 pub(crate) use self::place::double;
 pub use self::update::{InstanceChange, Update, UpdateKind};
 use self::{place::Placement, tree::InstanceTree};
-use crate::{aabb::Aabb, error::BuildError, triangle_bvh::TriangleBvh, triangles::Triangles};
+use crate::{
+    aabb::Aabb, error::BuildError, quadric::Quadrics, triangle_bvh::TriangleBvh, triangles::Triangles,
+};
 
 /// The deepest nesting of instances.
 pub const MAX_INSTANCE_DEPTH: usize = 64;
@@ -53,11 +55,12 @@ impl Instance {
     }
 }
 
-/// Triangles, instances of other objects, or both, in one space, shared by `Arc`: making or updating an object never
+/// Triangles, spheres and cones, and instances of other objects, in one space, shared by `Arc`: making or updating an object never
 /// touches the trees of its children, only a small tree over their bounds.
 #[derive(Clone)]
 pub struct Object {
     pub(crate) triangles: Option<Triangles>,
+    pub(crate) quadrics: Option<Arc<Quadrics>>,
     pub(crate) instances: Vec<PlacedInstance>,
     pub(crate) instance_tree: InstanceTree,
     bounds: Aabb,
@@ -92,6 +95,7 @@ impl fmt::Debug for Object {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Object")
             .field("triangles", &self.triangles)
+            .field("quadrics", &self.quadrics)
             .field("instances", &self.instances.len())
             .field("bounds", &self.bounds)
             .field("depth", &self.depth)
@@ -140,6 +144,7 @@ impl Object {
     pub fn empty() -> Self {
         Self {
             triangles: None,
+            quadrics: None,
             instances: Vec::new(),
             instance_tree: InstanceTree::default(),
             bounds: Aabb::EMPTY,
@@ -159,6 +164,12 @@ impl Object {
     #[must_use]
     pub fn triangles(&self) -> Option<&Triangles> {
         self.triangles.as_ref()
+    }
+
+    /// The object's own spheres and cones.
+    #[must_use]
+    pub fn quadrics(&self) -> Option<&Arc<Quadrics>> {
+        self.quadrics.as_ref()
     }
 
     /// The object's instances, in the order given.
@@ -200,7 +211,8 @@ impl Object {
 
     fn unite_bounds(&mut self) {
         let own = self.triangles.as_ref().map_or(Aabb::EMPTY, Triangles::bounds);
-        self.bounds = own.union(self.instance_tree.bounds());
+        let shapes = self.quadrics.as_ref().map_or(Aabb::EMPTY, |quadrics| quadrics.bounds());
+        self.bounds = own.union(shapes).union(self.instance_tree.bounds());
     }
 }
 

@@ -79,7 +79,12 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
 fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
     let packets = rays >= FEW_RAYS && !matches!(simd.level(), Level::Fallback(_));
     match &root.triangles {
-        Some(Triangles::Bvh(bvh)) if packets && root.instance_tree.wide.is_empty() && !bvh.has_motion() => {
+        Some(Triangles::Bvh(bvh))
+            if packets
+                && root.instance_tree.wide.is_empty()
+                && root.quadrics.is_none()
+                && !bvh.has_motion() =>
+        {
             Some(bvh)
         }
         _ => None,

@@ -2,7 +2,7 @@
 use fearless_simd::{f32x8, prelude::*};
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::{finish, local::LocalRay, single, slab::Slab, stack::Stack};
+use super::{finish, local::LocalRay, quadrics, single, slab::Slab, stack::Stack};
 use crate::{
     compact::{BlockSource, MovingBlocks},
     kdtree,
@@ -30,6 +30,9 @@ pub(super) fn closest<S: Simd>(
     {
         *hit = nearest;
         found = true;
+    }
+    if let Some(shapes) = &object.quadrics {
+        found |= quadrics::closest(simd, shapes, ray, path, hit, stack);
     }
     if !object.instance_tree.wide.nodes.is_empty() {
         found |= closest_instance(simd, object, ray, path, hit, stack);
@@ -205,6 +208,11 @@ pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32,
         }
     };
     if met {
+        return true;
+    }
+    if let Some(shapes) = &object.quadrics
+        && quadrics::any(simd, shapes, ray, t_max, stack)
+    {
         return true;
     }
     !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)

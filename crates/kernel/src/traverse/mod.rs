@@ -4,6 +4,7 @@ mod finish;
 mod instances;
 mod local;
 mod packet;
+mod quadrics;
 mod settle;
 mod shear;
 mod single;

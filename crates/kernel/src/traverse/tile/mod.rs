@@ -20,6 +20,7 @@ use self::{
 use super::{batch, local::LocalRay, stack::Stack};
 use crate::{
     object::Object,
+    quadric::Quadrics,
     ray::{Hit, PathId},
     tile::Tile,
     triangle_bvh::TriangleBvh,
@@ -335,6 +336,34 @@ fn in_object<S: Simd, const ANY: bool>(
     }
     if !object.instance_tree.wide.nodes.is_empty() {
         nested::instances::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch);
+    }
+    if let Some(shapes) = &object.quadrics {
+        quadrics::<S, ANY>(simd, shapes, path, rays, answers, &mut scratch.single);
+    }
+}
+
+/// Ray by ray through the spheres and cones.
+#[inline(always)]
+fn quadrics<S: Simd, const ANY: bool>(
+    simd: S,
+    shapes: &Quadrics,
+    path: PathId,
+    rays: Rays<'_>,
+    answers: &mut Answers<'_>,
+    stack: &mut Stack,
+) {
+    for i in 0..rays.len {
+        let (ray, slot, t_max) = (rays.ray(i), rays.slot[i], rays.tile.t_max[i]);
+        if ANY {
+            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, t_max, stack) {
+                answers.set(slot);
+            }
+        } else {
+            let mut hit = Hit { t: answers.limit(slot, t_max), ..Hit::MISS };
+            if super::quadrics::closest(simd, shapes, &ray, path, &mut hit, stack) {
+                answers.put(slot, hit);
+            }
+        }
     }
 }
 
