@@ -3,10 +3,15 @@
 //! ```text
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
+//! cargo run --release -p heliostat-bench -- motion edits|instancing|play …
 //! ```
 
+mod chart;
 mod contact_sheet;
+mod flatten;
 mod kernel;
+mod measure;
+mod motion;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -38,6 +43,9 @@ enum Command {
     },
     /// Rays per second of the kernel and of Embree, side by side on the same scenes and rays
     Kernel(Box<kernel::Arguments>),
+    /// What motion costs: edits, instances, deforming meshes, animated scenes
+    #[command(subcommand)]
+    Motion(motion::Command),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +54,7 @@ fn main() -> ExitCode {
             contact_sheet::run(&folder, &output, spp, per_folder)
         }
         Command::Kernel(arguments) => kernel::run(&arguments),
+        Command::Motion(command) => motion::run(&command),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -10,10 +10,10 @@ use heliostat::kernel::{Mesh, TriangleBvh};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::embree::{self, Embree};
-use super::measure::{Clock, interleave, median};
 use super::obvhs;
 use super::ours::{self, NamedBuild};
 use super::results::BuildRow;
+use crate::measure::{Clock, interleave, median};
 use crate::result;
 
 /// Measures all builders on one mesh.

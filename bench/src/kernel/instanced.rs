@@ -6,12 +6,12 @@ use heliostat::kernel::glam::{Affine3A, Quat, Vec3};
 use heliostat::kernel::{Aabb, BuildOptions, Instance, Isa, Mesh, Object, RayQuery, TriangleBvh, World};
 
 use super::embree::{self, Embree, EmbreeRays, Packets, Tree, Way};
-use super::measure::{Answers, interleave, sample, time};
 use super::ours::{self, OurRays};
 use super::rays::{Kind, Query, RaySet, Source};
 use super::scenes::{Spec, prepare};
 use super::split;
 use super::versus::disagreements;
+use crate::measure::{Answers, interleave, sample, time};
 use crate::{report, result};
 
 /// What is compared and how.

@@ -2,11 +2,11 @@
 
 use heliostat::kernel::{Isa, KdOptions, KdSplit, KdTree, Mesh, World};
 
-use super::measure::{Answers, interleave, time};
 use super::ours::{self, OurRays};
 use super::rays::{Item, Kind, Query, RaySet};
 use super::results::KdRow;
 use super::versus::disagreements;
+use crate::measure::{Answers, interleave, time};
 use crate::result;
 
 /// The scenes that it is measured on.

@@ -5,7 +5,6 @@ mod embree;
 mod instanced;
 mod kdtree;
 mod markdown;
-mod measure;
 mod obvhs;
 mod ours;
 mod plot;

@@ -10,8 +10,8 @@ use obvhs::ray::RayHit;
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::measure::{ITEM, Slots, Tracer};
 use super::rays::{Kind, Query, RaySet};
+use crate::measure::{ITEM, Slots, Tracer};
 
 /// As in the results.
 pub(super) const NAME: &str = "obvhs 0.4.0";

@@ -7,8 +7,8 @@ use heliostat::kernel::{
 };
 
 use super::embree;
-use super::measure::{ITEM, Slots, Tracer};
 use super::rays::{Item, Query, RaySet};
+use crate::measure::{ITEM, Slots, Tracer};
 
 /// A builder's preset.
 pub(super) struct NamedBuild {

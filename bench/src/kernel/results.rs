@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::measure::geometric_mean;
+use crate::measure::geometric_mean;
 
 /// Everything of one run or several.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use heliostat::formats::{Limits, load};
 use heliostat::framing::frame_scene;
-use heliostat::kernel::glam::{Affine3A, Vec3};
+use heliostat::kernel::glam::Vec3;
 use heliostat::kernel::{Mesh, World};
-use heliostat::scene::{Camera, ObjectId, Projection, Scene, SceneBounds};
+use heliostat::scene::{Camera, Projection, Scene, SceneBounds};
+
+use crate::flatten::Flattened;
 
 /// Vertical field of view of views placed by hand, degrees.
 const FOV: f32 = 45.0;
@@ -132,22 +134,22 @@ pub(super) fn standard(terrain: usize) -> (Vec<Spec>, Vec<String>) {
 /// # Errors
 /// When it cannot be read or has nothing in it.
 pub(super) fn prepare(spec: &Spec) -> Result<Flat, String> {
-    let mut meshes = Collected::default();
+    let mut meshes = Flattened::default();
     let mut camera = None;
     match &spec.source {
         Origin::Builtin(name) => {
             let edits =
                 heliostat::builtin::build(name).ok_or_else(|| format!("no built-in scene `{name}`"))?;
-            camera = meshes.add_edits(&edits)?;
+            camera = add_edits(&mut meshes, &edits)?;
         }
-        Origin::File(path) => camera = meshes.add_file(path)?,
+        Origin::File(path) => camera = add_file(&mut meshes, path)?,
         Origin::Folder(path) => {
             let entries = std::fs::read_dir(path).map_err(|e| format!("{}: {e}", path.display()))?;
             let mut files: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
             files.retain(|file| file.extension().is_some_and(|e| e == "ply"));
             files.sort();
             for file in files {
-                meshes.add_file(&file)?;
+                add_file(&mut meshes, &file)?;
             }
         }
         Origin::Terrain(triangles) => (meshes.positions, meshes.indices) = super::terrain::make(*triangles),
@@ -168,52 +170,15 @@ pub(super) fn prepare(spec: &Spec) -> Result<Flat, String> {
     Ok(Flat { name: spec.name.clone(), mesh, view, camera, bounds, light: spec.light })
 }
 
-/// Triangles in world space, all in one mesh.
-#[derive(Default)]
-struct Collected {
-    positions: Vec<Vec3>,
-    indices: Vec<[u32; 3]>,
+fn add_file(meshes: &mut Flattened, path: &Path) -> Result<Option<Camera>, String> {
+    let loaded = load(path, &Limits::default()).map_err(|e| format!("{}: {e}", path.display()))?;
+    add_edits(meshes, &loaded.edits)
 }
 
-impl Collected {
-    fn add_file(&mut self, path: &Path) -> Result<Option<Camera>, String> {
-        let loaded = load(path, &Limits::default()).map_err(|e| format!("{}: {e}", path.display()))?;
-        self.add_edits(&loaded.edits)
-    }
-
-    /// Returns the scene's first camera.
-    fn add_edits(&mut self, edits: &[heliostat::scene::Edit]) -> Result<Option<Camera>, String> {
-        let mut scene = Scene::default();
-        scene.apply(edits).map_err(|e| e.to_string())?;
-        self.add_children(&scene, None, Affine3A::IDENTITY)?;
-        Ok(scene.cameras().values().next().cloned())
-    }
-
-    fn add_children(
-        &mut self,
-        scene: &Scene,
-        parent: Option<ObjectId>,
-        world_from_parent: Affine3A,
-    ) -> Result<(), String> {
-        for id in scene.placed_in(parent) {
-            let instance = &scene.instances()[&id];
-            if !instance.visible {
-                continue;
-            }
-            let world_from_object = world_from_parent * instance.parent_from_object;
-            for part in &scene.objects()[&instance.object].parts {
-                let mesh = scene.geometries()[&part.geometry]
-                    .as_mesh()
-                    .ok_or("the scene has spheres or cones, which peers do not take")?;
-                let first = u32::try_from(self.positions.len() + mesh.positions.len())
-                    .map(|end| end - mesh.positions.len() as u32)
-                    .map_err(|_| "the flattened scene has more than 2³² vertices")?;
-                let placed = mesh.positions.iter().map(|&p| world_from_object.transform_point3(p));
-                self.positions.extend(placed);
-                self.indices.extend(mesh.indices.iter().map(|t| t.map(|i| i + first)));
-            }
-            self.add_children(scene, Some(instance.object), world_from_object)?;
-        }
-        Ok(())
-    }
+/// Returns the scene's first camera.
+fn add_edits(meshes: &mut Flattened, edits: &[heliostat::scene::Edit]) -> Result<Option<Camera>, String> {
+    let mut scene = Scene::default();
+    scene.apply(edits).map_err(|e| e.to_string())?;
+    meshes.add(&scene)?;
+    Ok(scene.cameras().values().next().cloned())
 }

@@ -6,12 +6,12 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use super::builds::Builds;
 use super::embree::{self, Embree, EmbreeRays, Packets, Tree, Variant};
 use super::kdtree::{self, KdTrees};
-use super::measure::{Answers, ITEM, Tracer, interleave, sample, time};
 use super::obvhs::{self, ObvhsRays};
 use super::ours::{self, OurRays, Ours};
 use super::rays::{Kind, Query, RaySet, Source};
 use super::results::{Results, Row};
 use super::scenes::{Flat, Spec, prepare};
+use crate::measure::{Answers, ITEM, Tracer, interleave, sample, time};
 use crate::{report, result};
 
 /// Hits closer together than this share of their distance are the same.

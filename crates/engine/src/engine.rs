@@ -107,7 +107,7 @@ impl Engine {
     ) -> Result<u64, BackendError> {
         let camera = CameraRays::new(&request.camera, request.width, request.height);
         let scene = self.compiled.shading(request.materials);
-        let moving = request.camera.motion.is_some() || self.compiled.is_moving();
+        let moving = request.camera.motion.is_some() || self.compiled.world().has_motion();
         let view = View { query: self.compiled.world(), scene, camera: &camera, moving };
         let settings = Settings {
             samples: request.samples,

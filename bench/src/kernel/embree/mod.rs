@@ -11,8 +11,8 @@ use heliostat::kernel::{Mesh, Ray};
 
 pub(super) use self::ffi::Device;
 use self::ffi::{Api, QueryArguments, RayHit, Valid};
-use super::measure::{ITEM, Slots, Tracer};
 use super::rays::{Item, Query, RaySet};
+use crate::measure::{ITEM, Slots, Tracer};
 
 /// The one command that fetches the library.
 pub(super) const FETCH: &str = "pip download embreex==4.4.0.post1 --no-deps -d target/peers && unzip -oq -d target/peers 'target/peers/embreex-*.whl'";

@@ -106,12 +106,6 @@ impl Compiled {
         &self.world
     }
 
-    /// Whether anything moves while the shutter is open.
-    pub(crate) fn is_moving(&self) -> bool {
-        self.objects.values().any(|built| built.moving)
-            || self.shading.placements().iter().any(|placement| placement.motion.is_some())
-    }
-
     /// The shader tables for an override; [`Self::prepare_override`] must have made them.
     pub(crate) fn shading(&self, materials: MaterialOverride) -> &ShadingScene {
         match (materials, &self.diffuse) {

@@ -6,25 +6,25 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 /// Rays per work item and slots per work item in [`Answers`].
-pub(super) const ITEM: usize = 256;
+pub(crate) const ITEM: usize = 256;
 /// Work items that a thread takes at a time.
 const GRAIN: usize = 16;
 /// Passes are repeated until a run takes this long, seconds: the clocks are no finer than microseconds.
 const LEAST_RUN: f64 = 0.03;
 
 /// What a pass stores: [`ITEM`] slots for each work item, filled from the front.
-pub(super) struct Answers {
+pub(crate) struct Answers {
     /// Closest hit: ray parameter, +∞ for a miss.
-    pub(super) t: Vec<f32>,
+    pub(crate) t: Vec<f32>,
     /// Closest hit: the triangle, `u32::MAX` for a miss.
-    pub(super) primitive: Vec<u32>,
+    pub(crate) primitive: Vec<u32>,
     /// Any hit.
-    pub(super) occluded: Vec<bool>,
+    pub(crate) occluded: Vec<bool>,
 }
 
 impl Answers {
     /// Room for closest hits, or for any hits.
-    pub(super) fn new(items: usize, closest: bool) -> Self {
+    pub(crate) fn new(items: usize, closest: bool) -> Self {
         let (near, any) = if closest { (items * ITEM, 0) } else { (0, items * ITEM) };
         Self { t: vec![0.0; near], primitive: vec![0; near], occluded: vec![false; any] }
     }
@@ -35,10 +35,10 @@ impl Answers {
 }
 
 /// A part of [`Answers`].
-pub(super) struct Slots<'a> {
-    pub(super) t: &'a mut [f32],
-    pub(super) primitive: &'a mut [u32],
-    pub(super) occluded: &'a mut [bool],
+pub(crate) struct Slots<'a> {
+    pub(crate) t: &'a mut [f32],
+    pub(crate) primitive: &'a mut [u32],
+    pub(crate) occluded: &'a mut [bool],
 }
 
 impl<'a> Slots<'a> {
@@ -56,7 +56,7 @@ impl<'a> Slots<'a> {
 }
 
 /// An engine with one set of rays to trace.
-pub(super) trait Tracer: Sync {
+pub(crate) trait Tracer: Sync {
     /// Number of work items.
     fn items(&self) -> usize;
 
@@ -65,7 +65,7 @@ pub(super) trait Tracer: Sync {
 }
 
 /// Traces everything once on the calling thread, or on a pool.
-pub(super) fn pass(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&ThreadPool>) {
+pub(crate) fn pass(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&ThreadPool>) {
     let items = tracer.items();
     let Some(pool) = pool else { return tracer.trace(0, items, answers.slots()) };
     let mut rest = answers.slots();
@@ -80,7 +80,7 @@ pub(super) fn pass(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&Thr
 }
 
 /// Traces every eighth run of items once on the calling thread: seconds per item, for choosing among variants.
-pub(super) fn sample(tracer: &dyn Tracer, answers: &mut Answers) -> f64 {
+pub(crate) fn sample(tracer: &dyn Tracer, answers: &mut Answers) -> f64 {
     let items = tracer.items();
     let (stride, run) = if items < 64 * GRAIN { (1, 1) } else { (8, GRAIN) };
     let mut traced = 0;
@@ -94,7 +94,7 @@ pub(super) fn sample(tracer: &dyn Tracer, answers: &mut Answers) -> f64 {
 }
 
 /// Seconds per pass: processor time of this thread, or wall time on a pool.
-pub(super) fn time(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&ThreadPool>) -> f64 {
+pub(crate) fn time(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&ThreadPool>) -> f64 {
     let clock = Clock::start(pool.is_some());
     let mut passes = 0;
     loop {
@@ -111,7 +111,7 @@ pub(super) fn time(tracer: &dyn Tracer, answers: &mut Answers, pool: Option<&Thr
 ///
 /// # Errors
 /// The first of either.
-pub(super) fn interleave(
+pub(crate) fn interleave(
     runs: usize,
     mut a: impl FnMut() -> Result<f64, String>,
     mut b: impl FnMut() -> Result<f64, String>,
@@ -125,7 +125,7 @@ pub(super) fn interleave(
 }
 
 /// The middle value, or the mean of the two middle ones; NaN of nothing.
-pub(super) fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     match n {
@@ -136,25 +136,25 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
 }
 
 /// The geometric mean; NaN of nothing.
-pub(super) fn geometric_mean(values: &[f64]) -> f64 {
+pub(crate) fn geometric_mean(values: &[f64]) -> f64 {
     (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
 }
 
 /// Processor time of the calling thread, or wall time. On a machine with other work the former is disturbed less.
-pub(super) struct Clock {
+pub(crate) struct Clock {
     wall: bool,
     start: f64,
     epoch: Instant,
 }
 
 impl Clock {
-    pub(super) fn start(wall: bool) -> Self {
+    pub(crate) fn start(wall: bool) -> Self {
         let mut clock = Self { wall, start: 0.0, epoch: Instant::now() };
         clock.start = clock.now();
         clock
     }
 
-    pub(super) fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         self.now() - self.start
     }
 
