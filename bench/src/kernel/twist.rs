@@ -7,7 +7,8 @@ use heliostat::kernel::glam::{Quat, Vec3};
 use heliostat::kernel::{Aabb, BuildOptions, Isa, Mesh, RayQuery, RefitPolicy, TriangleBvh};
 use rayon::ThreadPoolBuilder;
 
-use super::measure::{Answers, Clock, interleave, median, time};
+use super::builds::timed;
+use super::measure::{Answers, interleave, median, time};
 use super::ours::{self, OurRays};
 use super::rays::{Kind, Source};
 use super::scenes::{Spec, prepare};
@@ -46,13 +47,12 @@ impl Twist {
         for frame in 1..=FRAMES {
             mesh = twisted(&flat.mesh, self.turns * frame as f32 / FRAMES as f32);
             let meshes = std::slice::from_ref(&mesh);
-            let clock = Clock::start(true);
-            pool.install(|| plain.refit(meshes)).map_err(|e| e.to_string())?;
-            refits.push(clock.seconds());
-            let clock = Clock::start(true);
-            let done = pool.install(|| followed.follow(meshes, &RefitPolicy::default()));
+            let (seconds, done) = timed(&pool, || plain.refit(meshes));
+            done.map_err(|e| e.to_string())?;
+            refits.push(seconds);
+            let (seconds, done) = timed(&pool, || followed.follow(meshes, &RefitPolicy::default()));
             if done.map_err(|e| e.to_string())?.repaired {
-                repairs.push(clock.seconds());
+                repairs.push(seconds);
             }
         }
         let rate = |seconds: f64| triangles as f64 / seconds * 1e-6;

@@ -48,7 +48,7 @@ pub struct TriangleBvh {
     /// What a block test costs beside a node visit.
     block_cost: f32,
     sah_at_build: f32,
-    /// Its cost when the nodes were last made.
+    /// Its cost when the nodes were last made, or were last found to be as good as new ones.
     sah_when_mended: f32,
 }
 
@@ -185,16 +185,18 @@ impl TriangleBvh {
         let blocks = self.refit_blocks(meshes)?;
         let sah_refitted = self.tree.sah;
         let mut repaired = false;
-        if sah_refitted > policy.repair_above * self.sah_when_mended
-            && let Some(tree) = repair::over_blocks(build::level(), &blocks, self.block_cost)
-        {
-            let compact = !self.tree.compact.is_empty();
-            self.tree = tree;
-            if compact {
-                self.tree.compress();
+        if sah_refitted > policy.repair_above * self.sah_when_mended {
+            let mended = repair::over_blocks(build::level(), &blocks, self.block_cost);
+            if let Some(tree) = mended.filter(|tree| tree.sah < sah_refitted) {
+                let compact = !self.tree.compact.is_empty();
+                self.tree = tree;
+                if compact {
+                    self.tree.compress();
+                }
+                repaired = true;
             }
+            // Where it did not help it is not tried again at once.
             self.sah_when_mended = self.tree.sah;
-            repaired = true;
         }
         let (sah, sah_at_build) = (self.tree.sah, self.sah_at_build);
         Ok(Refit {

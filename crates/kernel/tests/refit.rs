@@ -172,14 +172,17 @@ fn following_keeps_trees_near_fresh_ones_and_hits_right() {
             let now = mesh(frame as f32 / 15.0);
             let done = tree.follow(&now, &RefitPolicy::default()).expect("same triangles");
             assert_eq!((done.sah, done.sah_at_build), (tree.stats().sah, tree.stats().sah_at_build));
-            assert!(done.sah <= done.sah_refitted * 1.001, "{done:?}");
+            assert!(
+                done.sah <= done.sah_refitted && done.repaired == (done.sah < done.sah_refitted),
+                "{done:?}"
+            );
             repairs += u32::from(done.repaired);
             plain.refit(&now).expect("same triangles");
         }
         let fresh = TriangleBvh::build(&mesh(2.0), &options).expect("valid").stats().sah;
         let (followed, refitted) = (tree.stats().sah, plain.stats().sah);
-        assert!(repairs > 0 && repairs < 20, "{options:?}: {repairs}");
-        assert!(followed < 1.5 * fresh && followed < 0.8 * refitted, "{followed} {refitted} {fresh}");
+        let what = format!("{options:?}: {repairs} repairs, {followed}; refitted {refitted}, fresh {fresh}");
+        assert!(repairs > 0 && repairs < 20 && followed < 1.5 * fresh && followed < 0.9 * refitted, "{what}");
         let root = Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"));
         let (rays, tiles) = (rays(&mut rng, 20, 2.0, Vec3::Y * 2.0), tiles(&mut rng, 1, 2.0, Vec3::Y * 2.0));
         check_all(&root, &rays, &tiles, 2.0e-6 * 10.0);

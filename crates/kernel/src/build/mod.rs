@@ -121,7 +121,8 @@ pub struct TreeStats {
 /// | `rebuild_above` | – | 1.5 | expected cost over that of the last build |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefitPolicy {
-    /// A refitted tree that costs more than this many times what it did when it was last built or repaired is repaired.
+    /// A refitted tree that costs more than this many times what it did after the last build or attempt at a repair is
+    /// repaired.
     pub repair_above: f32,
     /// A tree that then still costs more than this many times what it did when it was built should be built anew.
     pub rebuild_above: f32,
@@ -136,7 +137,7 @@ impl Default for RefitPolicy {
 /// What following deforming geometry took and what it led to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refit {
-    /// Whether the tree over the blocks was made anew.
+    /// Whether the tree over the blocks was made anew. It is not where that would have cost more.
     pub repaired: bool,
     /// Whether the caller should build a new tree, now or while this one goes on serving: the triangles that lie
     /// together no longer belong together. A shape that is larger or more tangled than it was costs more in any tree.
