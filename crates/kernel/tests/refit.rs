@@ -193,12 +193,12 @@ fn following_keeps_trees_near_fresh_ones_and_hits_right() {
 fn repairs_keep_triangles_that_are_gone_for_now() {
     let mut rng = Rng::new(58);
     let mesh = soup(&mut rng, 400, 1.0, 0.1, Vec3::ZERO);
-    let mut tree = TriangleBvh::build(&[mesh.clone()], &BuildOptions::default()).expect("valid");
+    let mut tree = TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default()).expect("valid");
     let policy = RefitPolicy { repair_above: 0.0, ..RefitPolicy::default() };
     let gone: Vec<Vec3> = mesh.positions.iter().map(|&p| if p.x < 0.0 { Vec3::NAN } else { p }).collect();
     for positions in [gone.into(), mesh.positions.clone()] {
         let now = Mesh { positions, ..mesh.clone() };
-        assert!(tree.follow(&[now.clone()], &policy).expect("same triangles").repaired);
+        assert!(tree.follow(std::slice::from_ref(&now), &policy).expect("same triangles").repaired);
         let fresh = TriangleBvh::build(&[now], &BuildOptions::default()).expect("valid");
         assert_eq!(tree.bounds(), fresh.bounds());
         let root = Arc::new(Object::new(Some(tree.clone().into()), Vec::new()).expect("no instances"));
