@@ -182,7 +182,7 @@ fn following_keeps_trees_near_fresh_ones_and_hits_right() {
         let fresh = TriangleBvh::build(&mesh(2.0), &options).expect("valid").stats().sah;
         let (followed, refitted) = (tree.stats().sah, plain.stats().sah);
         let what = format!("{options:?}: {repairs} repairs, {followed}; refitted {refitted}, fresh {fresh}");
-        assert!(repairs > 0 && repairs < 20 && followed < 1.5 * fresh && followed < 0.9 * refitted, "{what}");
+        assert!(repairs > 0 && repairs < 20 && followed < 1.5 * fresh && followed < 0.8 * refitted, "{what}");
         let root = Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"));
         let (rays, tiles) = (rays(&mut rng, 20, 2.0, Vec3::Y * 2.0), tiles(&mut rng, 1, 2.0, Vec3::Y * 2.0));
         check_all(&root, &rays, &tiles, 2.0e-6 * 10.0);
