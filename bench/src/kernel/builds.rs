@@ -146,7 +146,7 @@ impl Builds<'_> {
 }
 
 /// Runs something on a pool: processor time of its only thread, or wall time.
-fn timed<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> (f64, T) {
+pub(super) fn timed<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> (f64, T) {
     let wall = pool.current_num_threads() > 1;
     pool.install(|| {
         let clock = Clock::start(wall);

@@ -13,6 +13,7 @@ mod results;
 mod scenes;
 mod split;
 mod terrain;
+mod twist;
 mod versus;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ use self::instanced::Instanced;
 use self::rays::Kind;
 use self::results::{Machine, Results};
 use self::scenes::{Origin, Spec};
+use self::twist::Twist;
 use self::versus::Versus;
 use crate::{report, result};
 
@@ -85,6 +87,10 @@ pub(crate) struct Arguments {
     /// The objects of --instances are turned about the vertical as well as moved
     #[arg(long, requires = "instances")]
     turned: bool,
+    /// Instead of engines, measure refitting while the mesh is twisted by so many turns in a hundred frames; of the
+    /// dragon unless scenes are named
+    #[arg(long, value_name = "TURNS", conflicts_with_all = ["plot", "json", "markdown", "instances", "rays"])]
+    twist: Option<f32>,
     /// Take the results of earlier runs, written by --json, instead of measuring [may be repeated]
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "rays", "plot"])]
     from: Vec<PathBuf>,
@@ -128,6 +134,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
             results.merge(read(path)?);
         }
         return finish(&results, arguments);
+    }
+    if let Some(turns) = arguments.twist {
+        return twist(arguments, turns);
     }
     let embree = match Embree::load(embree_isa(arguments.isa)?) {
         Ok(embree) => {
@@ -175,6 +184,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         write(path, &plot::svg(&results.rows))?;
     }
     finish(&results, arguments)
+}
+
+/// Deforming meshes.
+fn twist(arguments: &Arguments, turns: f32) -> Result<(), String> {
+    let twist = Twist {
+        isa: arguments.isa.unwrap_or_else(Isa::best),
+        size: arguments.size,
+        runs: arguments.runs as usize,
+        most: (arguments.most * 1e6) as usize,
+        threads: arguments.threads.first().copied().unwrap_or_else(all_threads),
+        turns,
+    };
+    let mut specs = specs(arguments)?;
+    if arguments.scene.is_empty() {
+        specs.retain(|spec| spec.name == "dragon");
+    }
+    specs.iter().try_for_each(|spec| twist.scene(spec))
 }
 
 /// Flat trees against instances.

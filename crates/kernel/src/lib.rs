@@ -29,7 +29,7 @@ mod triangles;
 mod world;
 
 pub use aabb::Aabb;
-pub use build::{BuildOptions, Builder, Layout, TreeStats, watch::BuildProgress};
+pub use build::{BuildOptions, Builder, Layout, Refit, RefitPolicy, TreeStats, watch::BuildProgress};
 pub use error::{BuildError, IsaError};
 pub use glam;
 pub use isa::Isa;

@@ -1,18 +1,20 @@
 //! One tree over all triangles of an object.
 use std::fmt;
 
-use fearless_simd::Fallback;
+use fearless_simd::{Fallback, Level};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::{
     aabb::Aabb,
     build::{
-        self, BuildOptions, Builder, Layout, TreeStats,
+        self, BuildOptions, Builder, Layout, Refit, RefitPolicy, TreeStats,
         binary::LeafRule,
-        binned, morton,
+        binned,
+        boxes::PackedBox,
+        morton,
         refit::{self, BlockLeaves},
-        spatial, triangles,
+        repair, spatial, triangles,
         watch::{BuildProgress, Watch},
         wide::{self, WideTree},
     },
@@ -46,6 +48,8 @@ pub struct TriangleBvh {
     /// What a block test costs beside a node visit.
     block_cost: f32,
     sah_at_build: f32,
+    /// Its cost when the nodes were last made, or were last found to be as good as new ones.
+    sah_when_mended: f32,
 }
 
 impl fmt::Debug for TriangleBvh {
@@ -132,6 +136,7 @@ impl TriangleBvh {
         let mut bvh = Self {
             block_cost: options.intersection_cost,
             sah_at_build: tree.sah,
+            sah_when_mended: tree.sah,
             tree,
             mesh_starts,
             bounds,
@@ -168,6 +173,43 @@ impl TriangleBvh {
     /// [`BuildError::MeshCountChanged`], [`BuildError::TriangleCountChanged`], and as in [`TriangleBvh::build`]; the tree
     /// is then as it was.
     pub fn refit(&mut self, meshes: &[Mesh]) -> Result<(), BuildError> {
+        self.refit_blocks(meshes).map(|_| ())
+    }
+
+    /// As [`TriangleBvh::refit`], with an eye on the cost: where it has risen too far by `policy`, the tree over the
+    /// blocks of triangles is made anew, which takes a fraction of a build.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn follow(&mut self, meshes: &[Mesh], policy: &RefitPolicy) -> Result<Refit, BuildError> {
+        let blocks = self.refit_blocks(meshes)?;
+        let sah_refitted = self.tree.sah;
+        let mut repaired = false;
+        if sah_refitted > policy.repair_above * self.sah_when_mended {
+            let mended = repair::over_blocks(build::level(), &blocks, self.block_cost);
+            if let Some(tree) = mended.filter(|tree| tree.sah < sah_refitted) {
+                let compact = !self.tree.compact.is_empty();
+                self.tree = tree;
+                if compact {
+                    self.tree.compress();
+                }
+                repaired = true;
+            }
+            // Where it did not help it is not tried again at once.
+            self.sah_when_mended = self.tree.sah;
+        }
+        let (sah, sah_at_build) = (self.tree.sah, self.sah_at_build);
+        Ok(Refit {
+            repaired,
+            rebuild: sah > policy.rebuild_above * sah_at_build,
+            sah_refitted,
+            sah,
+            sah_at_build,
+        })
+    }
+
+    /// Refits, and returns the boxes of all blocks.
+    fn refit_blocks(&mut self, meshes: &[Mesh]) -> Result<Vec<PackedBox>, BuildError> {
         let (built, given) = (self.mesh_starts.len().saturating_sub(1), meshes.len());
         if built != given {
             return Err(BuildError::MeshCountChanged { built, given });
@@ -179,33 +221,35 @@ impl TriangleBvh {
             }
         }
         triangles::number(meshes, &Watch::new(&()))?;
-        let level = build::level();
-        let bounds = if self.tree.compact.is_empty() {
-            let mut blocks = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
-            match triangles::closing(meshes) {
-                None => self.closing = Vec::new(),
-                Some(meshes) => {
-                    self.closing.clone_from(&self.blocks);
-                    let ends = refit::blocks(level, &meshes, &self.mesh_starts, &mut self.closing);
-                    refit::unite(&mut self.blocks, &mut self.closing, &mut blocks, &ends);
-                }
-            }
-            refit::nodes(level, &mut self.tree, &BlockLeaves { blocks: &blocks, block_cost: self.block_cost })
+        let (level, block_cost) = (build::level(), self.block_cost);
+        let (blocks, bounds);
+        if self.tree.compact.is_empty() {
+            blocks = self.refit_full(level, meshes);
+            bounds = refit::nodes(level, &mut self.tree, &BlockLeaves { blocks: &blocks, block_cost });
         } else {
             still(meshes)?;
-            let blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
+            blocks = refit::compact_blocks(level, meshes, &self.mesh_starts, &mut self.compact.blocks);
             self.compact.meshes = meshes.to_vec();
             self.tree.expand();
-            let bounds = refit::nodes(
-                level,
-                &mut self.tree,
-                &BlockLeaves { blocks: &blocks, block_cost: self.block_cost },
-            );
+            bounds = refit::nodes(level, &mut self.tree, &BlockLeaves { blocks: &blocks, block_cost });
             self.tree.compress();
-            bounds
-        };
+        }
         self.bounds = if bounds.is_empty() { Aabb::EMPTY } else { Aabb::new(bounds.lo(), bounds.hi()) };
-        Ok(())
+        Ok(blocks)
+    }
+
+    /// New vertices for blocks in full; the box of each.
+    fn refit_full(&mut self, level: Level, meshes: &[Mesh]) -> Vec<PackedBox> {
+        let mut boxes = refit::blocks(level, meshes, &self.mesh_starts, &mut self.blocks);
+        match triangles::closing(meshes) {
+            None => self.closing = Vec::new(),
+            Some(meshes) => {
+                self.closing.clone_from(&self.blocks);
+                let ends = refit::blocks(level, &meshes, &self.mesh_starts, &mut self.closing);
+                refit::unite(&mut self.blocks, &mut self.closing, &mut boxes, &ends);
+            }
+        }
+        boxes
     }
 
     /// The box around all triangles that can be hit, object space.

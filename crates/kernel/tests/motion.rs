@@ -73,7 +73,7 @@ fn at_both_ends_worlds_are_those_without_motion() {
     let mut rng = Rng::new(85);
     let mesh = moving_soup(&mut rng, 40, 1.0);
     let opening = Mesh { motion: None, ..mesh.clone() };
-    let child = object(&[mesh.clone()]);
+    let child = object(std::slice::from_ref(&mesh));
     let instances: Vec<_> = (0..5).map(|i| moving_instance(&mut rng, &child, i)).collect();
     let moving = World::new(Arc::new(Object::new(None, instances.clone()).expect("valid")));
     for (time, mesh) in [(0.0, opening), (1.0, mesh.closing())] {
@@ -122,13 +122,13 @@ fn times_outside_count_as_the_nearer_end() {
 fn refits_take_new_ways_along() {
     let mut rng = Rng::new(86);
     let mesh = moving_soup(&mut rng, 60, 0.5);
-    let mut tree = TriangleBvh::build(&[mesh.clone()], &BuildOptions::default()).expect("valid");
+    let mut tree = TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default()).expect("valid");
     let again = moving_soup(&mut rng, 60, 1.0);
     let mut broken = again.motion.as_deref().expect("moves").to_vec();
     broken[0] = Vec3::NAN;
     for motion in [again.motion.clone(), Some(broken.into()), None, again.motion.clone()] {
         let now = Mesh { motion, ..again.clone() };
-        tree.refit(&[now.clone()]).expect("same triangles");
+        tree.refit(std::slice::from_ref(&now)).expect("same triangles");
         assert_eq!(tree.has_motion(), now.motion.is_some());
         let fresh = TriangleBvh::build(&[now], &BuildOptions::default()).expect("valid");
         assert_eq!(tree.bounds(), fresh.bounds());

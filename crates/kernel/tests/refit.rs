@@ -1,10 +1,11 @@
 //! Refitted trees answer like new ones, whatever became of the vertices.
 mod common;
-use std::sync::Arc;
+use std::{f32::consts::TAU, sync::Arc};
 
 use common::{Rng, all_builders, check_all, rays, soup, tiles};
 use heliostat_kernel::{
-    BuildError, BuildOptions, Hit, Mesh, Object, Oracle, Ray, RayQuery, TriangleBvh, World, glam::Vec3,
+    BuildError, BuildOptions, Hit, Mesh, Object, Oracle, Ray, RayQuery, RefitPolicy, TriangleBvh, World,
+    glam::{Quat, Vec3},
 };
 
 fn build(meshes: &[Mesh], options: &BuildOptions) -> TriangleBvh {
@@ -137,4 +138,75 @@ fn another_topology_is_refused_and_changes_nothing() {
     let error = tree.refit(&[Mesh::new(&a.positions[..5], a.indices.clone()), b]).unwrap_err();
     assert!(matches!(error, BuildError::IndexOutOfRange { mesh: 0, triangle: 1, .. }), "{error}");
     assert_eq!(tree.fingerprint(), before);
+}
+
+/// A tube of about 2·`rows`·`columns` triangles along y, twisted by `turns` over its length.
+fn twisted_tube(columns: u32, rows: u32, turns: f32) -> Mesh {
+    let mut positions = Vec::new();
+    let mut indices = Vec::new();
+    for j in 0..=rows {
+        let y = j as f32 / rows as f32;
+        for i in 0..columns {
+            let angle = TAU * (i as f32 / columns as f32);
+            // Flat, so that a twist tears its boxes apart.
+            let p = Vec3::new(angle.cos(), 4.0 * y, 0.1 * angle.sin());
+            positions.push(Quat::from_rotation_y(TAU * turns * y) * p);
+            if j < rows {
+                let (a, b) = (j * columns + i, j * columns + (i + 1) % columns);
+                indices.extend([[a, b, a + columns], [b, b + columns, a + columns]]);
+            }
+        }
+    }
+    Mesh::new(positions, indices)
+}
+
+#[test]
+fn following_keeps_trees_near_fresh_ones_and_hits_right() {
+    let mut rng = Rng::new(57);
+    for options in all_builders() {
+        let mesh = |turns| [twisted_tube(60, 80, turns)];
+        let mut tree = TriangleBvh::build(&mesh(0.0), &options).expect("valid");
+        let mut plain = tree.clone();
+        let mut repairs = 0;
+        for frame in 1..=30 {
+            let now = mesh(frame as f32 / 15.0);
+            let done = tree.follow(&now, &RefitPolicy::default()).expect("same triangles");
+            assert_eq!((done.sah, done.sah_at_build), (tree.stats().sah, tree.stats().sah_at_build));
+            assert!(
+                done.sah <= done.sah_refitted && done.repaired == (done.sah < done.sah_refitted),
+                "{done:?}"
+            );
+            repairs += u32::from(done.repaired);
+            plain.refit(&now).expect("same triangles");
+        }
+        let fresh = TriangleBvh::build(&mesh(2.0), &options).expect("valid").stats().sah;
+        let (followed, refitted) = (tree.stats().sah, plain.stats().sah);
+        let what = format!("{options:?}: {repairs} repairs, {followed}; refitted {refitted}, fresh {fresh}");
+        assert!(repairs > 0 && repairs < 20 && followed < 1.5 * fresh && followed < 0.8 * refitted, "{what}");
+        let root = Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"));
+        let (rays, tiles) = (rays(&mut rng, 20, 2.0, Vec3::Y * 2.0), tiles(&mut rng, 1, 2.0, Vec3::Y * 2.0));
+        check_all(&root, &rays, &tiles, 2.0e-6 * 10.0);
+    }
+}
+
+#[test]
+fn repairs_keep_triangles_that_are_gone_for_now() {
+    let mut rng = Rng::new(58);
+    let mesh = soup(&mut rng, 400, 1.0, 0.1, Vec3::ZERO);
+    let mut tree = TriangleBvh::build(std::slice::from_ref(&mesh), &BuildOptions::default()).expect("valid");
+    let policy = RefitPolicy { repair_above: 0.0, ..RefitPolicy::default() };
+    let gone: Vec<Vec3> = mesh.positions.iter().map(|&p| if p.x < 0.0 { Vec3::NAN } else { p }).collect();
+    for positions in [gone.into(), mesh.positions.clone()] {
+        let now = Mesh { positions, ..mesh.clone() };
+        assert!(tree.follow(std::slice::from_ref(&now), &policy).expect("same triangles").repaired);
+        let fresh = TriangleBvh::build(&[now], &BuildOptions::default()).expect("valid");
+        assert_eq!(tree.bounds(), fresh.bounds());
+        let root = Arc::new(Object::new(Some(tree.clone().into()), Vec::new()).expect("no instances"));
+        check_all(
+            &root,
+            &rays(&mut rng, 60, 1.0, Vec3::ZERO),
+            &tiles(&mut rng, 2, 1.0, Vec3::ZERO),
+            2.0e-6 * 4.0,
+        );
+    }
 }

@@ -4,6 +4,7 @@ pub(crate) mod binned;
 pub(crate) mod boxes;
 pub(crate) mod morton;
 pub(crate) mod refit;
+pub(crate) mod repair;
 pub(crate) mod spatial;
 pub(crate) mod triangles;
 pub(crate) mod watch;
@@ -109,6 +110,43 @@ pub struct TreeStats {
     pub sah: f32,
     /// The same when the tree was built: how far [`TreeStats::sah`] lies above it tells when to rebuild instead of
     /// refitting.
+    pub sah_at_build: f32,
+}
+
+/// When a tree that follows deforming geometry is mended; for [`TriangleBvh::follow`](crate::TriangleBvh::follow).
+///
+/// | field | unit | default | meaning |
+/// |---|---|---|---|
+/// | `repair_above` | – | 1.15 | expected cost over that of the last build or repair |
+/// | `rebuild_above` | – | 1.5 | expected cost over that of the last build |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefitPolicy {
+    /// A refitted tree that costs more than this many times what it did after the last build or attempt at a repair is
+    /// repaired.
+    pub repair_above: f32,
+    /// A tree that then still costs more than this many times what it did when it was built should be built anew.
+    pub rebuild_above: f32,
+}
+
+impl Default for RefitPolicy {
+    fn default() -> Self {
+        Self { repair_above: 1.15, rebuild_above: 1.5 }
+    }
+}
+
+/// What following deforming geometry took and what it led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refit {
+    /// Whether the tree over the blocks was made anew. It is not where that would have cost more.
+    pub repaired: bool,
+    /// Whether the caller should build a new tree, now or while this one goes on serving: the triangles that lie
+    /// together no longer belong together. A shape that is larger or more tangled than it was costs more in any tree.
+    pub rebuild: bool,
+    /// Expected cost of a random ray after refitting alone, by the surface area heuristic.
+    pub sah_refitted: f32,
+    /// The same now.
+    pub sah: f32,
+    /// The same when the tree was built.
     pub sah_at_build: f32,
 }
 
