@@ -8,7 +8,7 @@ use heliostat::kernel::{Aabb, BuildOptions, Isa, Mesh, RayQuery, RefitPolicy, Tr
 use rayon::ThreadPoolBuilder;
 
 use super::builds::timed;
-use super::measure::{Answers, interleave, median, time};
+use crate::measure::{Answers, interleave, median, time};
 use super::ours::{self, OurRays};
 use super::rays::{Kind, Source};
 use super::scenes::{Spec, prepare};
