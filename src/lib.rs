@@ -3,8 +3,8 @@
 //! **Edits in, frames out.** Whatever makes a scene ([`builtin`], [`formats`], your program) produces
 //! [`scene::Edit`]s; a [`scene::Backend`] such as [`engine::Engine`] applies them and answers
 //! [`scene::FrameRequest`]s. This crate gathers the rooms and adds what their users share: a point of view
-//! ([`framing`]) and light ([`lighting`]) for scenes that bring none, and [`compare`], which measures how far two
-//! pictures are apart.
+//! ([`framing`]) and light ([`lighting`]) for scenes that bring none, [`grouping`], which merges what never moves, and
+//! [`compare`], which measures how far two pictures are apart.
 //!
 //! ```
 //! use heliostat::engine::{Engine, EngineOptions, tone};
@@ -25,6 +25,7 @@
 
 pub mod compare;
 pub mod framing;
+pub mod grouping;
 pub mod lighting;
 
 pub use heliostat_builtin as builtin;

@@ -259,6 +259,25 @@ fn sequences_move_and_keep_their_exposure() {
 }
 
 #[test]
+fn grouping_by_motion_shows_and_keeps_the_picture() {
+    let folder = folder("grouping");
+    let info: Value =
+        serde_json::from_str(&stdout(&heliostat(&folder, "info cornell --motion --json"))).unwrap();
+    assert_eq!(info["rigid"]["instances"], 2);
+    assert_eq!((&info["static"]["placements"], &info["instances"]["after"]), (&6.into(), &3.into()));
+    assert!(
+        stdout(&heliostat(&folder, "info cornell --motion")).contains("6 placements merge into 1 objects")
+    );
+    for (name, options) in [("a.exr", ""), ("b.exr", "--group")] {
+        let arguments =
+            format!("render cornell --time 0.5 --renderer direct --size 40x40 --spp 16 -o {name} {options}");
+        expect_code(&heliostat(&folder, &arguments), 0);
+    }
+    // The same light reaches the same walls; which triangle of the lamp a sample falls on may differ.
+    expect_code(&heliostat(&folder, "compare a.exr b.exr --blur 5 --max-relmse 1e-3"), 0);
+}
+
+#[test]
 fn a_file_without_light_or_camera_gets_both_and_says_so() {
     let folder = folder("bare");
     std::fs::write(folder.join("triangle.obj"), b"v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();

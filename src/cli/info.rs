@@ -1,6 +1,7 @@
 //! `heliostat info`: what was read.
 
 use heliostat::formats::Severity;
+use heliostat::grouping::{GroupingSummary, group};
 use heliostat::scene::{Camera, Clip, Environment, LightKind, Projection, Scene, Target};
 use serde_json::{Value, json};
 
@@ -13,6 +14,9 @@ use super::statistics::{Statistics, image_bytes};
 pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     scene: String,
+    /// Tell what moves and how, and what grouping by motion (`render --group`) merges
+    #[arg(long)]
+    motion: bool,
     /// Write everything as JSON
     #[arg(long)]
     json: bool,
@@ -22,6 +26,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let source = input::scene(&arguments.scene)?;
     let mut scene = Scene::default();
     scene.apply(&source.edits)?;
+    if arguments.motion {
+        let summary = group(&scene, &source.timeline).summary;
+        let text = if arguments.json {
+            motion_json(&arguments.scene, &summary).to_string()
+        } else {
+            motion(&summary)
+        };
+        return console::result(&text);
+    }
     let text = if arguments.json {
         json(&arguments.scene, &scene, &source).to_string()
     } else {
@@ -29,6 +42,34 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     console::result(&text)?;
     Ok(())
+}
+
+fn motion_json(name: &str, s: &GroupingSummary) -> Value {
+    json!({
+        "scene": name,
+        "static": {"objects": s.merged_objects, "placements": s.merged_placements, "triangles": s.merged_triangles},
+        "shared": {"objects": s.shared_objects},
+        "rigid": {"instances": s.rigid_instances},
+        "deforming": {"meshes": s.deforming_meshes, "triangles": s.deforming_triangles},
+        "instances": {"before": s.instances_before, "after": s.instances_after},
+    })
+}
+
+fn motion(s: &GroupingSummary) -> String {
+    [
+        format!(
+            "static        {} placements merge into {} objects, {} triangles",
+            s.merged_placements, s.merged_objects, s.merged_triangles
+        ),
+        format!(
+            "shared        {} still objects stay instanced: their copies are too large",
+            s.shared_objects
+        ),
+        format!("rigid         {} instances", s.rigid_instances),
+        format!("deforming     {} meshes, {} triangles", s.deforming_meshes, s.deforming_triangles),
+        format!("instances     {} as modelled, {} grouped", s.instances_before, s.instances_after),
+    ]
+    .join("\n")
 }
 
 fn json(name: &str, scene: &Scene, source: &Source) -> Value {

@@ -90,6 +90,10 @@ impl Sequence {
         })
     }
 
+    pub(super) fn timeline(&self) -> &Timeline {
+        &self.timeline
+    }
+
     pub(super) fn frames(&self) -> Range<u32> {
         self.frames.clone()
     }
