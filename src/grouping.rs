@@ -100,7 +100,10 @@ impl<'a> Pass<'a> {
         let targets = timeline.targets();
         let swept = scene.instances().iter().filter(|(_, instance)| instance.motion.is_some());
         let mut moving: BTreeSet<InstanceId> = swept.map(|(&id, _)| id).collect();
-        let sweeping = scene.geometries().iter().filter(|(_, Geometry::Mesh(mesh))| !mesh.motion.is_empty());
+        let sweeping = scene
+            .geometries()
+            .iter()
+            .filter(|(_, geometry)| geometry.as_mesh().is_some_and(|mesh| !mesh.motion.is_empty()));
         let mut deforming: BTreeSet<GeometryId> = sweeping.map(|(&id, _)| id).collect();
         for target in targets {
             match target {
@@ -165,6 +168,13 @@ impl<'a> Pass<'a> {
         self.scene.objects()[&object].parts.iter().any(|part| self.deforming.contains(&part.geometry))
     }
 
+    /// Whether an object's parts can be moved by moving vertices, once: spheres and cones stay what they are.
+    fn can_bake(&self, object: ObjectId) -> bool {
+        let parts = &self.scene.objects()[&object].parts;
+        let meshes = parts.iter().all(|part| self.scene.geometries()[&part.geometry].as_mesh().is_some());
+        meshes && !self.deforms(object)
+    }
+
     /// The objects below a frame that can be dissolved into it.
     fn dissolved(&mut self, frame: Option<ObjectId>) -> BTreeSet<ObjectId> {
         // Placements in the frame by the object's rank: parents are counted before what stands in them.
@@ -183,7 +193,7 @@ impl<'a> Pass<'a> {
         while let Some((rank, times)) = waiting.pop_first() {
             let object = self.order[rank];
             let copied = times.saturating_mul(self.triangles[&object]);
-            if copied == 0 || self.restless.contains(&object) || self.deforms(object) {
+            if copied == 0 || self.restless.contains(&object) || !self.can_bake(object) {
                 continue;
             }
             if times > 1 && copied > MAX_COPIED_TRIANGLES {
@@ -277,7 +287,8 @@ impl<'a> Pass<'a> {
     /// A geometry as it stands in a frame.
     fn bake(&mut self, id: GeometryId, frame_from_object: &Affine3A) -> GeometryId {
         let geometry = &self.scene.geometries()[&id];
-        let Geometry::Mesh(mesh) = geometry;
+        // Only meshes are dissolved.
+        let Some(mesh) = geometry.as_mesh() else { return id };
         self.summary.merged_triangles += mesh.indices.len() as u64;
         if *frame_from_object == Affine3A::IDENTITY {
             self.geometries.insert(id, geometry.clone());
@@ -307,8 +318,10 @@ fn take(next: &mut u32) -> u32 {
 }
 
 fn count(scene: &Scene, geometry: GeometryId) -> u64 {
-    let Geometry::Mesh(mesh) = &scene.geometries()[&geometry];
-    mesh.indices.len() as u64
+    match &scene.geometries()[&geometry] {
+        Geometry::Mesh(mesh) => mesh.indices.len() as u64,
+        Geometry::Quadrics(quadrics) => quadrics.shapes.len() as u64,
+    }
 }
 
 /// A mesh moved into the space that its instance stands in. Fronts stay fronts, also where the transform mirrors.

@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
-//! cargo run --release -p heliostat-bench -- motion edits|instancing|play …
+//! cargo run --release -p heliostat-bench -- motion alternatives|edits|grouping|instancing|play …
 //! ```
 
 mod chart;

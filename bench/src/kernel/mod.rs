@@ -10,7 +10,7 @@ mod ours;
 mod plot;
 mod rays;
 mod results;
-mod scenes;
+pub(crate) mod scenes;
 mod split;
 mod terrain;
 mod twist;

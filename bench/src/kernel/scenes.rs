@@ -97,7 +97,7 @@ impl Flat {
 }
 
 /// The folder of real scenes: `HELIOSTAT_SCENES`, or where the tests look for it.
-pub(super) fn scenes_folder() -> PathBuf {
+pub(crate) fn scenes_folder() -> PathBuf {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
     std::env::var_os("HELIOSTAT_SCENES").map_or_else(beside, PathBuf::from)
 }

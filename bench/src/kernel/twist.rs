@@ -8,10 +8,10 @@ use heliostat::kernel::{Aabb, BuildOptions, Isa, Mesh, RayQuery, RefitPolicy, Tr
 use rayon::ThreadPoolBuilder;
 
 use super::builds::timed;
-use crate::measure::{Answers, interleave, median, time};
 use super::ours::{self, OurRays};
 use super::rays::{Kind, Source};
 use super::scenes::{Spec, prepare};
+use crate::measure::{Answers, interleave, median, time};
 use crate::result;
 
 const FRAMES: usize = 100;

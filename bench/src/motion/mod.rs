@@ -2,6 +2,7 @@
 
 mod alternatives;
 mod edits;
+mod grouping;
 mod instancing;
 mod play;
 
@@ -27,6 +28,8 @@ pub(crate) enum Command {
         #[arg(long, default_value_t = 41)]
         runs: usize,
     },
+    /// Scenes as modelled beside the same scenes grouped by motion: time to build, to move and to trace
+    Grouping(grouping::Arguments),
     /// Frame time of the sunflowers against the number of plants
     Instancing {
         /// Writes the figures as a chart
@@ -56,6 +59,7 @@ pub(crate) fn run(command: &Command) -> Result<(), String> {
     match command {
         Command::Alternatives => alternatives::run(),
         Command::Edits { scene, runs } => edits::run(scene, *runs),
+        Command::Grouping(arguments) => grouping::run(arguments),
         Command::Instancing { plot, runs } => instancing::run(plot.as_deref(), *runs),
         Command::Play { scene, frames, plot, renderer } => {
             play::run(scene, *frames, renderer, plot.as_deref())
