@@ -11,9 +11,19 @@ use heliostat_scene::{
     Edit, Geometry, GeometryId, Instance, InstanceId, Mesh, Object, ObjectId, Part, Scene, Target, Timeline,
 };
 
-/// Most triangles of all copies of an object that is placed several times and yet merged: beyond that, sharing one
-/// object between its instances saves more memory than it costs time.
-pub const MAX_COPIED_TRIANGLES: u64 = 4096;
+/// How far [`group`] goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GroupingOptions {
+    /// Most triangles of all copies of an object that is placed several times and yet merged. Beyond that, sharing one
+    /// object between its instances saves more memory than it costs time: a triangle takes some 150 bytes. Default 4,096.
+    pub max_copied_triangles: u64,
+}
+
+impl Default for GroupingOptions {
+    fn default() -> Self {
+        Self { max_copied_triangles: 4096 }
+    }
+}
 
 /// A scene whose parts are grouped by how they move.
 #[derive(Clone, Debug)]
@@ -51,12 +61,12 @@ pub struct GroupingSummary {
 /// every object that moves or stays shared. The picture stays the same, up to rounding.
 ///
 /// An object that is placed several times in its frame is merged only if all its copies together have at most
-/// [`MAX_COPIED_TRIANGLES`] triangles. What the timeline moves, shows or hides, what deforms, and what contains a moving
+/// [`GroupingOptions::max_copied_triangles`]. What the timeline moves, shows or hides, what deforms, and what contains a moving
 /// thing stays an instance of its own, with its handle; so do hidden and singular instances. Materials, lights and
 /// cameras stay as they are. Merged instances, objects and geometries lose their handles and names: identifier planes
 /// differ.
-pub fn group(scene: &Scene, timeline: &Timeline) -> Grouped {
-    let mut pass = Pass::new(scene, timeline);
+pub fn group(scene: &Scene, timeline: &Timeline, options: GroupingOptions) -> Grouped {
+    let mut pass = Pass::new(scene, timeline, options);
     // What is placed nowhere stays as it is, too.
     let unplaced = |id: &ObjectId| scene.placements_of(*id).next().is_none();
     let mut seen: BTreeSet<ObjectId> = scene.objects().keys().copied().filter(unplaced).collect();
@@ -71,6 +81,7 @@ pub fn group(scene: &Scene, timeline: &Timeline) -> Grouped {
 /// The pass over one scene.
 struct Pass<'a> {
     scene: &'a Scene,
+    options: GroupingOptions,
     /// Instances and meshes that change.
     moving: BTreeSet<InstanceId>,
     deforming: BTreeSet<GeometryId>,
@@ -96,7 +107,7 @@ fn after<K: Copy, V>(map: &BTreeMap<K, V>, number: impl Fn(K) -> u32) -> u32 {
 }
 
 impl<'a> Pass<'a> {
-    fn new(scene: &'a Scene, timeline: &Timeline) -> Self {
+    fn new(scene: &'a Scene, timeline: &Timeline, options: GroupingOptions) -> Self {
         let targets = timeline.targets();
         let swept = scene.instances().iter().filter(|(_, instance)| instance.motion.is_some());
         let mut moving: BTreeSet<InstanceId> = swept.map(|(&id, _)| id).collect();
@@ -141,6 +152,7 @@ impl<'a> Pass<'a> {
         };
         Self {
             scene,
+            options,
             rank: order.iter().copied().zip(0..).collect(),
             order,
             restless,
@@ -196,7 +208,7 @@ impl<'a> Pass<'a> {
             if copied == 0 || self.restless.contains(&object) || !self.can_bake(object) {
                 continue;
             }
-            if times > 1 && copied > MAX_COPIED_TRIANGLES {
+            if times > 1 && copied > self.options.max_copied_triangles {
                 shared += 1;
                 continue;
             }
@@ -451,7 +463,7 @@ mod tests {
     #[test]
     fn the_picture_stays_the_same_while_things_move() {
         let (scene, timeline) = sample(3);
-        let grouped = group(&scene, &timeline);
+        let grouped = group(&scene, &timeline, GroupingOptions::default());
         let (before, after) = (seen(&scene.to_edits(), timeline.clone()), seen(&grouped.edits, timeline));
         assert_ne!(before[0], before[1]);
         for (a, b) in before.iter().flatten().zip(after.iter().flatten()) {
@@ -466,7 +478,7 @@ mod tests {
     #[test]
     fn still_things_become_one_and_others_keep_their_handles() {
         let (scene, timeline) = sample(3);
-        let Grouped { edits, summary } = group(&scene, &timeline);
+        let Grouped { edits, summary } = group(&scene, &timeline, GroupingOptions::default());
         let expected = GroupingSummary {
             instances_before: 12,
             // In the world the arm, the soft and the hidden thing, three trees and what was merged; in the arm nothing.
@@ -491,14 +503,14 @@ mod tests {
             "{names:?}"
         );
         // Grouping what is grouped changes nothing.
-        let again = group(&after, &timeline).summary;
+        let again = group(&after, &timeline, GroupingOptions::default()).summary;
         assert_eq!((again.merged_placements, again.instances_after), (0, 7));
     }
 
     #[test]
     fn a_single_copy_is_merged_and_a_lone_object_is_left_alone() {
         let (scene, timeline) = sample(1);
-        let summary = group(&scene, &timeline).summary;
+        let summary = group(&scene, &timeline, GroupingOptions::default()).summary;
         assert_eq!((summary.shared_objects, summary.merged_triangles), (0, 5 * 8 + 3000));
         let mut builder = SceneBuilder::new();
         let grey = builder.material(Material::diffuse("", Vec3::ONE));
@@ -507,9 +519,12 @@ mod tests {
         builder.instance(object, at(1.0, 2.0));
         let mut scene = Scene::default();
         scene.apply(&builder.finish()).expect("a valid scene");
-        let alone = group(&scene, &Timeline::default());
+        let alone = group(&scene, &Timeline::default(), GroupingOptions::default());
         assert_eq!((alone.summary.merged_placements, alone.summary.instances_after), (0, 1));
-        assert_eq!(group(&Scene::default(), &Timeline::default()).summary, GroupingSummary::default());
+        assert_eq!(
+            group(&Scene::default(), &Timeline::default(), GroupingOptions::default()).summary,
+            GroupingSummary::default()
+        );
     }
 
     #[test]
@@ -528,7 +543,7 @@ mod tests {
         builder.instance(object, Affine3A::IDENTITY);
         let mut scene = Scene::default();
         scene.apply(&builder.finish()).expect("a valid scene");
-        let grouped = group(&scene, &Timeline::default());
+        let grouped = group(&scene, &Timeline::default(), GroupingOptions::default());
         assert!(grouped.summary.merged_triangles < 100_000, "{:?}", grouped.summary);
         let mut after = Scene::default();
         after.apply(&grouped.edits).expect("valid edits");

@@ -1,7 +1,7 @@
 //! `heliostat info`: what was read.
 
 use heliostat::formats::Severity;
-use heliostat::grouping::{GroupingSummary, group};
+use heliostat::grouping::{GroupingOptions, GroupingSummary, group};
 use heliostat::scene::{Camera, Clip, Environment, LightKind, Projection, Scene, Target};
 use serde_json::{Value, json};
 
@@ -27,7 +27,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut scene = Scene::default();
     scene.apply(&source.edits)?;
     if arguments.motion {
-        let summary = group(&scene, &source.timeline).summary;
+        let summary = group(&scene, &source.timeline, GroupingOptions::default()).summary;
         let text = if arguments.json {
             motion_json(&arguments.scene, &summary).to_string()
         } else {

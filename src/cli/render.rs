@@ -8,11 +8,11 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use glam::{Mat3, Vec3};
 use heliostat::engine::{self, Engine, EngineOptions};
-use heliostat::grouping::group;
+use heliostat::grouping::{GroupingOptions, group};
 use heliostat::lighting;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, MaterialOverride,
-    Plane, Scene,
+    Plane, RebuildKind, Scene,
 };
 use serde_json::{Value, json};
 
@@ -184,7 +184,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.group {
         let mut scene = Scene::default();
         scene.apply(&edits)?;
-        edits = group(&scene, sequence.timeline()).edits;
+        edits = group(&scene, sequence.timeline(), GroupingOptions::default()).edits;
     }
     edits.extend(sequence.edits(sequence.frames().start));
     let engine = build(arguments, edits)?;
@@ -358,6 +358,10 @@ fn apply_report(applied: &ApplyReport) -> Value {
             "what": r.what,
             "cause": r.cause.to_string(),
             "reason": format!("{:?}", r.reason),
+            "refitted": match r.kind {
+                RebuildKind::Refitted { cost } => Some(cost),
+                _ => None,
+            },
             "primitives": r.primitives,
             "milliseconds": r.milliseconds,
         })

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::formats::{Limits, load};
 use heliostat::framing::frame_scene;
-use heliostat::grouping::{GroupingSummary, group};
+use heliostat::grouping::{GroupingOptions, GroupingSummary, group};
 use heliostat::kernel::glam::{Quat, Vec3};
 use heliostat::kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat::scene::{Backend, Camera, Edit, Progress, Projection, Scene, Timeline};
@@ -29,6 +29,9 @@ pub(crate) struct Arguments {
     /// Interleaved runs; medians count
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     runs: u32,
+    /// Most triangles of all copies of an object that are merged
+    #[arg(long, value_name = "N", default_value_t = GroupingOptions::default().max_copied_triangles)]
+    copied: u64,
     /// Write the results to a file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -121,8 +124,9 @@ fn measure(name: &str, arguments: &Arguments) -> Result<Row, String> {
     let (edits, timeline) = read(name)?;
     let mut scene = Scene::default();
     scene.apply(&edits).map_err(|error| error.to_string())?;
+    let options = GroupingOptions { max_copied_triangles: arguments.copied };
     let clock = Clock::start(false);
-    let grouped = group(&scene, &timeline);
+    let grouped = group(&scene, &timeline, options);
     let grouping = clock.seconds() * 1e3;
     let GroupingSummary { instances_before, instances_after, merged_triangles, .. } = grouped.summary;
     let mut forms = [Form::new(edits, timeline.clone())?, Form::new(grouped.edits, timeline)?];
