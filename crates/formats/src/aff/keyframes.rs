@@ -115,12 +115,15 @@ fn keys<T>(
     let count = tokens.count("the number of keys", 4)?;
     let place = tokens.place();
     let mut keys: Vec<Key<T>> = Vec::new();
+    let mut back = false;
     for _ in 0..count {
         // A key and the piece of the curve that it begins.
         context.charge(256, &place)?;
         let time = finite(tokens, "the time")?;
-        if keys.last().is_some_and(|last| last.time > time) {
-            return Err(tokens.error(format!("the time {time} lies before the last key's"), "sort the keys"));
+        if !back && keys.last().is_some_and(|last| last.time > time) {
+            back = true;
+            let message = format!("the time {time} lies before the last key's");
+            context.warn(tokens.place(), message, "keys are passed over until their times go on");
         }
         keys.push(Key {
             time,

@@ -41,7 +41,7 @@ impl<T> Key<T> {
 
 /// 0 for keys at the same time.
 fn ratio(part: f64, whole: f64) -> f64 {
-    if whole > 0.0 { part / whole } else { 0.0 }
+    if whole == 0.0 { 0.0 } else { part / whole }
 }
 
 /// A piece of a curve between two times.
@@ -52,10 +52,21 @@ struct Piece<T> {
     shape: T,
 }
 
+/// Leaves out pieces that end before an earlier one does: of keys whose times go back, the earlier ones count.
+fn in_order<T>(mut pieces: Vec<Piece<T>>) -> Vec<Piece<T>> {
+    let mut reached = f64::NEG_INFINITY;
+    pieces.retain(|piece| {
+        let further = piece.end > reached;
+        reached = reached.max(piece.end);
+        further
+    });
+    pieces
+}
+
 /// The piece at a time and where in it, 0 to 1.
 fn find<T>(pieces: &[Piece<T>], time: f64) -> Option<(&T, f64)> {
     let (first, last) = (pieces.first()?, pieces.last()?);
-    if !(time > first.start) {
+    if time.is_nan() || time <= first.start {
         return Some((&first.shape, 0.0));
     }
     if time >= last.end {
@@ -70,7 +81,7 @@ fn find<T>(pieces: &[Piece<T>], time: f64) -> Option<(&T, f64)> {
 pub(super) struct Path(Vec<Piece<[DVec3; 4]>>);
 
 impl Path {
-    /// Through all but the outermost of at least four keys whose times do not decrease.
+    /// Through all but the outermost of at least four keys.
     pub(super) fn new(keys: &[Key<DVec3>]) -> Self {
         let piece = |keys: &[Key<DVec3>]| {
             let [a, b, c, d] = [&keys[0], &keys[1], &keys[2], &keys[3]];
@@ -84,7 +95,7 @@ impl Path {
             let cubic = leaving + arriving - 2.0 * step;
             Piece { start: b.time, end: c.time, shape: [b.value, leaving, quadratic, cubic] }
         };
-        Self(keys.windows(4).map(piece).collect())
+        Self(in_order(keys.windows(4).map(piece).collect()))
     }
 
     pub(super) fn at(&self, time: f64) -> Option<DVec3> {
@@ -123,7 +134,7 @@ impl Turning {
             let second = c.value * exp(0.5 * (step - arriving));
             pieces.push(Piece { start: b.time, end: c.time, shape: [b.value, first, second, c.value] });
         }
-        Self(pieces)
+        Self(in_order(pieces))
     }
 
     pub(super) fn at(&self, time: f64) -> Option<DQuat> {
@@ -215,6 +226,15 @@ mod tests {
         let x = |t: f64| curve.at(t).unwrap().x;
         assert!((x(0.999_999) - 2.0).abs() < 1e-3 && x(1.0) == 5.0 && x(2.0) == 6.0);
         assert!((0..200).all(|i| x(f64::from(i) * 0.01).is_finite()));
+    }
+
+    #[test]
+    fn keys_that_go_back_in_time_are_passed_over() {
+        let keys = [(0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (1.5, 9.0), (2.0, 2.0), (3.0, 3.0), (4.0, 4.0)];
+        let curve = Path::new(&path(&keys));
+        let x = |t: f64| curve.at(t).unwrap().x;
+        assert_eq!((x(2.0), x(3.0)), (2.0, 3.0));
+        assert!((0..100).all(|i| x(f64::from(i) * 0.04) < 5.0), "the stray key is not seen");
     }
 
     #[test]
