@@ -5,9 +5,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{DAffine3, Vec3};
-use heliostat_scene::{
-    Camera, Edit, Environment, Light, LightKind, MaterialId, SceneBuilder, TextureRef, UvTransform,
-};
+use heliostat_scene::{Camera, Edit, Environment, Light, MaterialId, SceneBuilder, TextureRef, UvTransform};
 
 use super::graph::{Child, Node, Way};
 use super::keyframes::{Animation, fixed};
@@ -358,7 +356,6 @@ impl<'c, 'a> Reader<'c, 'a> {
         for (light, (_, name)) in made.into_iter().zip(std::mem::take(&mut self.lights)) {
             let animation = name.as_ref().and_then(|name| self.animations.get(name)).cloned();
             let light = Light { name: name.unwrap_or_else(|| light.name.clone()), ..light };
-            debug_assert!(matches!(light.kind, LightKind::ConstantPoint { .. }));
             let now = animation.as_ref().map_or(light.clone(), |a| moved_light(&light, a, start));
             let id = self.builder.light(now);
             self.motion.lights.extend(animation.map(|animation| (id, light, animation)));

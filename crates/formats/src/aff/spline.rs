@@ -233,7 +233,7 @@ mod tests {
         let keys = [(0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (1.5, 9.0), (2.0, 2.0), (3.0, 3.0), (4.0, 4.0)];
         let curve = Path::new(&path(&keys));
         let x = |t: f64| curve.at(t).unwrap().x;
-        assert_eq!((x(2.0), x(3.0)), (2.0, 3.0));
+        assert!((x(2.0) - 2.0).abs() < 1e-12 && (x(3.0) - 3.0).abs() < 1e-12);
         assert!((0..100).all(|i| x(f64::from(i) * 0.04) < 5.0), "the stray key is not seen");
     }
 

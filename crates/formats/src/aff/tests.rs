@@ -153,7 +153,7 @@ fn files_that_cannot_be_included_are_told_of() {
     let error = read("i 0 a.aff", &[("a.aff", "\ni 0 b.aff"), ("b.aff", "i 0 a.aff")]).unwrap_err();
     assert!(error.to_string().starts_with("b.aff:1:5: `a.aff` includes itself"), "{error}");
     let error = read("i 0 a.aff", &[("a.aff", "s 1 2 3")]).unwrap_err();
-    assert!(error.to_string().starts_with("a.aff:1:7: the radius is missing"), "{error}");
+    assert!(error.to_string().starts_with("a.aff:1:8: the radius is missing"), "{error}");
 }
 
 #[test]
