@@ -171,7 +171,7 @@ impl Placing<'_, '_, '_> {
                     if self.told.insert(name.clone()) {
                         let message = format!("the transform `{name}` has no keyframes");
                         let hint = "it stands still; give it some with `k`";
-                        self.reader.context.warn(Place::whole(self.file), message, hint);
+                        self.reader.context.note(Place::whole(self.file), message, hint);
                     }
                     Step::Fixed(DAffine3::IDENTITY)
                 }
