@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
     AlphaMode, Backend, Camera, Environment, Frame, FrameRequest, Light, LightKind, Material, Mesh, Progress,
-    Projection, SceneBuilder, Volume,
+    Projection, Quadric, SceneBuilder, Volume,
 };
 
 fn render(scene: SceneBuilder, request: &FrameRequest) -> Frame {
@@ -75,6 +75,42 @@ fn sphere_light_on_a_plane() {
         request.samples = 1024;
         let exact = radiance * reflectance * (radius / height).powi(2);
         assert_close(mean(&render(scene, &request)), exact, 0.005, renderer);
+    }
+}
+
+#[test]
+fn an_analytic_sphere_lights_a_plane() {
+    // Irradiance below a sphere of radius r at distance d: π L (r/d)², wherever it is squeezed from: the placement
+    // makes it of a smaller one, stretched evenly.
+    let (radius, distance) = (0.5, 2.0);
+    for renderer in ["path", "direct"] {
+        let mut scene = SceneBuilder::new();
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 0.01), Material::diffuse("floor", Vec3::splat(0.5)));
+        let material = scene.material(Material::emitter("lamp", Vec3::splat(3.0)));
+        let shape = scene.quadrics(vec![Quadric::Sphere { center: Vec3::Y, radius: 0.25 }]);
+        let object = scene.object("lamp", [(shape, material)]);
+        scene.instance(object, Affine3A::from_scale(Vec3::splat(2.0)));
+        // Below the lamp, from the side: the lamp does not stand in the way.
+        let eye = Vec3::new(0.5, 0.5, 0.0);
+        let camera = Camera::look_at("", eye, Vec3::ZERO, Vec3::Y, 0.004);
+        let request =
+            FrameRequest { samples: 256, renderer: renderer.into(), ..FrameRequest::new(camera, 16, 16) };
+        let expected = 0.5 * 3.0 * (radius / distance) * (radius / distance);
+        // 65,536 samples of a smooth integrand.
+        assert_close(mean(&render(scene, &request)), Vec3::splat(expected), 0.01, renderer);
+    }
+}
+
+#[test]
+fn lights_without_fall_off_light_alike_at_any_distance() {
+    for height in [0.5, 50.0] {
+        let mut scene = SceneBuilder::new();
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 1.0), Material::diffuse("floor", Vec3::splat(0.5)));
+        let kind =
+            LightKind::ConstantPoint { position: Vec3::new(0.0, height, 0.0), irradiance: Vec3::splat(PI) };
+        scene.light(Light { name: String::new(), kind });
+        let request = FrameRequest { samples: 1, ..FrameRequest::new(look_down(0.25, 0.002), 4, 4) };
+        assert_close(mean(&render(scene, &request)), Vec3::splat(0.5), 1e-4, "below the light");
     }
 }
 

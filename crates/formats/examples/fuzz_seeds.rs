@@ -23,6 +23,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (number, text) in MTL.iter().enumerate() {
         put("mtl", &format!("seed{number}"), text.as_bytes())?;
     }
+    for (number, text) in AFF.iter().enumerate() {
+        put("aff", &format!("seed{number}"), text.as_bytes())?;
+    }
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     for (number, text) in PLY.iter().enumerate() {
         put("ply", &format!("ascii{number}"), text.as_bytes())?;
@@ -99,6 +102,12 @@ const OBJ: [&str; 3] = [
 const MTL: [&str; 2] = [
     "newmtl a\nKa 1 1 1\nKd 0.5 0.6 0.7\nKs 0.1\nKe 1 2 3\nTf 0.5 0.5 0.5\nNs 100\nNi 1.5\nd 0.5\nillum 2\nmap_Kd -s 2 2 2 -o 0.1 0.2 -clamp on i.png\nmap_d g.png\nbump -bm 0.5 g.png\nmap_Ks i.png\nmap_Ke i.png\nnewmtl b\nillum 7\nTr 0.2\nd -halo 0.5\nPr 0.3\nPm 1\nPc 0.5\nPcr 0.1\nPs 1\nmap_Pr g.png\nmap_Pm i.png\nnorm i.png\nnewmtl c c\nillum 5\nmap_Ns x.png\n",
     "newmtl a\nmap_Kd missing.png\nmap_d i.png\nmap_Bump i.png\nnewmtl b\nKd spectral a.rfl 1\nKs xyz 1 1 1\nTf 0.9 0.9 0.9\nnewmtl c c\nKd 2 -1 nan\nNi 0\nNs -5\nmap_d g.png\n",
+];
+
+const AFF: [&str; 3] = [
+    "b 0.1 0.2 0.3\nv\nfrom 0 -5 1\nat 0 0 0\nup 0 0 1\nangle 45\nhither 1\nresolution 9 9\nl 1 2 3\nl 4 5 6 1 0 0\nf 1 0.5 0.25 0.5 0.5 3 0.1 1.5\ns 0 0 0 -1\nc 0 0 0 1 0 0 1 0.5\np 4 0 0 0 1 0 0 1 1 0 0 1 0\npp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n",
+    "a -1 2 30 am 1 1 1 d 1 i 0 part.aff la lamp 0 0 1 1 1 1 xs 1 2 1 0 1 0 90 1 0 0 { x spin { i 1 part.aff s 0 0 0 1 } }\nk spin { rot 5 -1 0 1 0 0 0 0 0 0 0 1 0 90 0.5 0 0 1 0 1 0 180 0 0.5 0 2 1 0 0 300 0 0 0.5 3 0 0 1 7 0 0 0 visibility 2 0 0 1 1 }\nk lamp { transl 4 0 0 0 0 0 0 0 0 1 0 0 0 0 0 1 2 0 0 0 0 0 2 2 0 0 0 0 0 scale 4 0 1 1 1 0 0 0 0 1 1 1 0 0 0 1 2 2 2 0 0 0 1 1 1 1 0 0 0 }\n",
+    "fm 1 1 1 1 1 1 1 1 1 20 0 0 m vertices 3 0 0 0 1 0 0 0 1 0 normals 1 0 0 1 texturecoords 2 t.ppm 0 0 1 1 triangles 1 0 1 2 0 0 0 0 1 0\ntt t.ppm 0 0 0 0 0 1 0 0 1 0 0 1 0 0 1\nttp none.ppm 0 0 0 0 0 1 0 0 1 0 0 0 0 1 1 0 0 1 0 0 0 1 0 1\ntpa 2 0 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1 1 0 0 1 0 0 1 1 0 1 0 0 1 0 1 1 0 0 1\n",
 ];
 
 const PLY: [&str; 2] = [

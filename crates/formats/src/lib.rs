@@ -8,6 +8,7 @@
 //! | glTF 2.0 (`.gltf`, `.glb`) | see [`gltf`](mod@crate::gltf) |
 //! | Wavefront OBJ with MTL (`.obj`) | see [`obj`](mod@crate::obj) |
 //! | Stanford PLY (`.ply`) | see [`ply`](mod@crate::ply) |
+//! | Animated File Format of BART (`.aff`) | see [`aff`](mod@crate::aff) |
 //! | Neutral File Format of the SPD (`.nff`) | see [`nff`](mod@crate::nff) |
 //!
 //! Text formats and PLY may be compressed (`.gz`). Scenes keep the up axis of the file, which is +Y by rule or custom;
@@ -33,6 +34,7 @@ use std::sync::Arc;
 
 use heliostat_scene::{Edit, Material, Timeline};
 
+pub mod aff;
 mod context;
 mod diagnostic;
 mod error;
@@ -105,6 +107,7 @@ pub fn load_bytes(
     };
     let still = |edits| (edits, Timeline::default());
     let (edits, timeline) = match Format::recognise(&file, name, &bytes)? {
+        Format::Aff => aff::load(&mut context, &file, &bytes)?,
         Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
         Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
         Format::Nff => still(nff::load(&mut context, &file, &bytes)?),
@@ -117,6 +120,7 @@ pub fn load_bytes(
 /// The scene formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
+    Aff,
     Glb,
     Gltf,
     Nff,
@@ -125,7 +129,7 @@ enum Format {
 }
 
 impl Format {
-    /// By content; OBJ and NFF, which have no signature, also by extension.
+    /// By content; OBJ, NFF and AFF, which have no signature, also by extension.
     fn recognise(file: &Arc<str>, name: &str, bytes: &[u8]) -> Result<Self, LoadError> {
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
         if bytes.starts_with(b"glTF") {
@@ -144,12 +148,13 @@ impl Format {
             "ply" => "a PLY file, which starts with `ply`",
             "obj" => return Ok(Self::Obj),
             "nff" => return Ok(Self::Nff),
+            "aff" => return Ok(Self::Aff),
             _ if looks_like_nff(text) => return Ok(Self::Nff),
             _ if looks_like_obj(text) => return Ok(Self::Obj),
             _ => {
                 let problem =
                     if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
-                let hint = "give a glTF (.gltf, .glb), OBJ, PLY or NFF file";
+                let hint = "give a glTF (.gltf, .glb), OBJ, PLY, NFF or AFF file";
                 return Err(LoadError::unsupported(Place::whole(file), problem, hint));
             }
         };

@@ -22,6 +22,8 @@ pub struct Limits {
     pub nesting: u64,
     /// Materials and textures. Default 1 million.
     pub materials: u64,
+    /// Detail level of AFF scenes: files of a higher level are left out. Default: what the file says, or 0.
+    pub detail_level: Option<u32>,
     /// Diagnostics kept; how many more there were is said in one further note. Default 100.
     pub diagnostics: usize,
 }
@@ -38,6 +40,7 @@ impl Default for Limits {
             nodes: 4_000_000,
             nesting: 1024,
             materials: 1_000_000,
+            detail_level: None,
             diagnostics: 100,
         }
     }

@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use heliostat_formats::image::decode;
 use heliostat_formats::{Limits, Loaded, Severity, load};
-use heliostat_scene::{ObjectId, Pixels, Scene};
+use heliostat_scene::{CameraId, Edit, Geometry, Instance, ObjectId, Pixels, Scene};
 
 /// The folder of real scenes, or a line on stderr.
 fn scenes(test: &str) -> Option<PathBuf> {
@@ -26,7 +27,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for path in entries {
         if path.is_dir() {
             files(&path, found);
-        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz"]
+        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz", ".nff"]
             .iter()
             .any(|e| path.to_string_lossy().ends_with(e))
         {
@@ -120,6 +121,98 @@ fn triangle_counts_are_those_of_the_index() {
         println!("{file}: {} ms", start.elapsed().as_millis());
         assert_eq!(shown_triangles(&scene), triangles, "{file}");
     }
+}
+
+/// Spheres and cones of all geometries, each once.
+fn quadrics(scene: &Scene) -> usize {
+    let shapes = scene.geometries().values().filter(|geometry| geometry.as_mesh().is_none());
+    shapes.map(Geometry::primitives).sum()
+}
+
+#[test]
+fn shapes_of_the_standard_databases_are_those_of_the_index() {
+    let Some(folder) = scenes("shapes_of_the_standard_databases_are_those_of_the_index") else { return };
+    for (file, triangles, shapes) in [
+        ("balls3", 2, 820),
+        ("gears2", 4_578, 0),
+        ("mount5", 2_048, 4),
+        ("rings3", 2, 840),
+        ("teapot8", 4_160, 0),
+        ("tetra5", 1_024, 0),
+        ("tree7", 2, 510),
+    ] {
+        let (loaded, scene) = applied(&folder.join("spd-nff").join(file).with_extension("nff"));
+        assert_eq!(loaded.diagnostics, [], "{file}");
+        assert_eq!((shown_triangles(&scene), quadrics(&scene)), (triangles, shapes), "{file}");
+        assert_eq!(scene.cameras().len(), 1, "{file}");
+    }
+}
+
+/// Warnings and the count of notes.
+fn warnings(loaded: &Loaded) -> Vec<String> {
+    let all = loaded.diagnostics.iter().filter(|d| d.severity == Severity::Warning);
+    all.map(ToString::to_string).collect()
+}
+
+#[test]
+fn the_robots_march_through_their_city() {
+    let Some(folder) = scenes("the_robots_march_through_their_city") else { return };
+    let (mut loaded, mut scene) = applied(&folder.join("bart-robots/aff/Robot.aff"));
+    // The gun of the first robot is wound back.
+    let warnings = warnings(&loaded);
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("Robot1.aff:364:1: the time 42 lies before"),
+        "{warnings:?}"
+    );
+    assert_eq!((shown_triangles(&scene), scene.lights().len()), (71_708, 1));
+    assert!(scene.textures().values().all(|texture| texture.image.width > 2), "no placeholders");
+    let rate = loaded.timeline.clips()[0].frame_rate.unwrap();
+    assert_eq!((loaded.timeline.duration(), rate), (50.0, 799.0 / 50.0));
+    // The city stands; ten robots move in the world, and their limbs in them.
+    let world = |scene: &Scene| -> Vec<Instance> {
+        scene.instances().values().filter(|instance| instance.parent.is_none()).cloned().collect()
+    };
+    assert_eq!(world(&scene).len(), 11);
+    // Keys of the first robot: `robot_transl1`, while `step_transl1` is at rest between two steps.
+    for (time, expected) in [(0.0, [-5.0, 0.0, -236.0]), (16.8, [-8.0, 0.0, -152.0])] {
+        scene.apply(&loaded.timeline.edits_at(time)).unwrap();
+        let robot = &world(&scene)[1].parent_from_object;
+        assert!((Vec3::from(robot.translation) - Vec3::from(expected)).length() < 0.1, "{time}: {robot}");
+        // `xs 2 2 2` is part of the way.
+        assert!((robot.matrix3.determinant() - 8.0).abs() < 1e-3);
+    }
+    let camera = |scene: &Scene| Vec3::from(scene.cameras()[&CameraId(0)].world_from_camera.translation);
+    scene.apply(&loaded.timeline.edits_at(33.0)).unwrap();
+    assert!(camera(&scene).abs_diff_eq(Vec3::new(0.0, 23.0, 106.0), 1e-3), "{}", camera(&scene));
+    // Between two frames the robots move, and nothing else than instances and the camera.
+    let edits = loaded.timeline.edits_at(33.0 + 1.0 / rate);
+    let moves = |edit: &Edit| matches!(edit, Edit::MoveInstance(..) | Edit::Camera(..));
+    assert!(edits.len() > 100 && edits.iter().all(moves), "{} edits", edits.len());
+}
+
+#[test]
+fn the_museum_shows_its_art() {
+    let Some(folder) = scenes("the_museum_shows_its_art") else { return };
+    let (mut loaded, mut scene) = applied(&folder.join("bart-museum/aff/museum5.aff"));
+    assert_eq!(warnings(&loaded), [""; 0]);
+    assert_eq!((shown_triangles(&scene), quadrics(&scene)), (10_284 + 1_024, 8));
+    assert_eq!((scene.lights().len(), scene.textures().len()), (2, 5));
+    assert_eq!((loaded.timeline.duration(), loaded.timeline.clips()[0].frame_rate), (6.0, Some(299.0 / 6.0)));
+    let art = |scene: &Scene| {
+        let objects = scene.objects().values().filter(|object| object.name == "animated triangles");
+        let geometry = objects.map(|object| object.parts[0].geometry).next().unwrap();
+        scene.geometries()[&geometry].as_mesh().unwrap().clone()
+    };
+    // Keys lie at 0 to 4 of the file's time, which begins at −1; halfway the mean of two.
+    let mut at = |time: f64| {
+        scene.apply(&loaded.timeline.edits_at(time)).unwrap();
+        let mesh = art(&scene);
+        assert_eq!(mesh.indices.len(), 1_024);
+        mesh.positions[0]
+    };
+    let (first, second) = (Vec3::new(-0.4474, 1.549333, 0.085189), Vec3::new(-0.12107, 3.370914, 0.157006));
+    assert_eq!((at(0.0), at(1.0), at(2.0)), (first, first, second));
+    assert!(at(1.5).abs_diff_eq(first.midpoint(second), 1e-6));
 }
 
 #[test]

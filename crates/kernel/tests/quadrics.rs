@@ -155,7 +155,7 @@ fn a_flat_list_agrees_with_the_oracle() {
     }
 }
 
-/// Triangles and quadrics in one object, placed twice, once squeezed and mirrored.
+/// Triangles and quadrics in one object, placed several times, once squeezed and mirrored.
 fn mixed(rng: &mut Rng) -> Arc<Object> {
     let meshes = [Mesh::default(), soup(rng, 40, 1.0, 0.3, Vec3::ZERO)];
     let tree = TriangleBvh::build(&meshes, &BuildOptions::default()).unwrap();

@@ -1,4 +1,4 @@
-//! Pictures: PNG, JPEG, TGA, Radiance HDR and OpenEXR in; PNG (animated, too), HDR and EXR out.
+//! Pictures: PNG, JPEG, TGA, PNM, Radiance HDR and OpenEXR in; PNG (animated, too), HDR and EXR out.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -99,11 +99,12 @@ fn recognise(file: &Arc<str>, bytes: &[u8]) -> Result<ImageFormat, LoadError> {
         [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
         [0xFF, 0xD8, 0xFF, ..] => ImageFormat::Jpeg,
         [b'#', b'?', ..] => ImageFormat::Hdr,
+        [b'P', b'1'..=b'7', space, ..] if space.is_ascii_whitespace() => ImageFormat::Pnm,
         _ if extension.eq_ignore_ascii_case("tga") => ImageFormat::Tga,
         _ => {
             let problem =
                 if bytes.is_empty() { "the file is empty" } else { "this is no known image format" };
-            let hint = "convert the image to PNG, JPEG, TGA, HDR or EXR";
+            let hint = "convert the image to PNG, JPEG, TGA, PPM, HDR or EXR";
             return Err(LoadError::unsupported(Place::whole(file), problem, hint));
         }
     })

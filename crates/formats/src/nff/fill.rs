@@ -62,8 +62,9 @@ impl Fill {
         let mut material = Material::diffuse(name, diffuse);
         let specular = self.specular.min(Vec3::ONE);
         if specular.max_element() > 0.0 {
+            // The strength is the reflectance at grazing angles; the colour raises that at normal incidence to it.
             const F0: f32 = 0.04;
-            material.specular = (specular.max_element() / F0).min(1.0);
+            material.specular = specular.max_element();
             material.specular_color = specular / (F0 * material.specular);
             material.roughness = roughness(self.shine);
         }

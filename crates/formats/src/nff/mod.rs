@@ -11,7 +11,7 @@
 //! The format says how surfaces and lights of a classical ray tracer look. Here that becomes:
 //!
 //! - `rgb · Kd` is the diffuse reflectance, at most 1. Colours are linear.
-//! - `Ks` is the reflectance at normal incidence of a dielectric coat over it, uncoloured. Reflections are sharp whatever
+//! - `Ks` is the reflectance of a coat over it, uncoloured and the same at all angles. Reflections are sharp whatever
 //!   `Shine` says, as they were: the coat's perceptual roughness is that of the Phong exponent `Shine`, but at most 0.1,
 //!   which leaves a highlight where a perfect mirror has none.
 //! - `T` above 0 is glass of the index given, without `Ks`: it passes `rgb · T` and scatters `rgb · Kd`. With an index of

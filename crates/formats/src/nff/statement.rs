@@ -64,7 +64,7 @@ pub(crate) fn light(tokens: &mut Tokens<'_>) -> Result<(Vec3, Option<Vec3>), Loa
     if !position.is_finite() {
         return Err(tokens.error(format!("the light's position is {position}"), "give finite numbers"));
     }
-    let color = match tokens.peek().is_some_and(|word| crate::text::parse_f32(word).is_some()) {
+    let color = match tokens.number_follows() {
         true => Some(tokens.color("the light's colour")?),
         false => None,
     };

@@ -107,11 +107,9 @@ impl<'a> Tokens<'a> {
         })
     }
 
-    /// A number if the next word is one; otherwise nothing is taken.
-    pub(crate) fn float_if_any(&mut self) -> Option<f32> {
-        let value = parse_f32(self.peek()?)?;
-        self.word();
-        Some(value)
+    /// Whether the next word is a number.
+    pub(crate) fn number_follows(&mut self) -> bool {
+        self.peek().is_some_and(|word| parse_f32(word).is_some())
     }
 
     /// Three numbers.
@@ -173,8 +171,9 @@ mod tests {
         assert!(tokens.take(b"l"));
         assert_eq!(tokens.float("x").unwrap(), 1.0);
         assert_eq!(tokens.peek(), Some(&b"2"[..]));
-        assert_eq!(tokens.float_if_any(), Some(2.0));
-        assert_eq!(tokens.float_if_any(), None);
+        assert!(tokens.number_follows());
+        assert_eq!(tokens.float("y").unwrap(), 2.0);
+        assert!(!tokens.number_follows());
         assert!(!tokens.take(b"x"));
         assert_eq!([tokens.word(), tokens.word(), tokens.word()], [&b"{"[..], b"x", b"}"].map(Some));
         let error = tokens.float("the radius").unwrap_err();

@@ -127,8 +127,7 @@ impl Quadric {
 /// The roots of a s² + 2 b s + c in ascending order, without cancellation; NaN where there is none.
 fn solve(a: f64, b: f64, c: f64) -> [f64; 2] {
     let discriminant = b * b - a * c;
-    // Also false for NaN.
-    if !(discriminant >= 0.0) {
+    if discriminant.is_nan() || discriminant < 0.0 {
         return [f64::NAN; 2];
     }
     let q = -(b + discriminant.sqrt().copysign(b));

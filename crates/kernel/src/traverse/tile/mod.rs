@@ -15,7 +15,7 @@ use fearless_simd::prelude::*;
 use self::{
     leaf::{Leaf, Setup},
     walk::{Frame, Visit, next_leaf},
-    work::{Face, LevelRays, Rays, Work},
+    work::{Face, GROUP, LevelRays, Rays, Work},
 };
 use super::{batch, local::LocalRay, stack::Stack};
 use crate::{
@@ -334,37 +334,53 @@ fn in_object<S: Simd, const ANY: bool>(
         Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
         _ => {}
     }
+    if let Some(shapes) = &object.quadrics {
+        quadrics::<S, ANY>(simd, shapes, path, rays, mask, work, answers, &mut scratch.single);
+    }
     if !object.instance_tree.wide.nodes.is_empty() {
         nested::instances::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch);
     }
-    if let Some(shapes) = &object.quadrics {
-        quadrics::<S, ANY>(simd, shapes, path, rays, answers, &mut scratch.single);
-    }
 }
 
-/// Ray by ray through the spheres and cones.
+/// The groups in `mask`, ray by ray, through the spheres and cones.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
 #[inline(always)]
 fn quadrics<S: Simd, const ANY: bool>(
     simd: S,
     shapes: &Quadrics,
     path: PathId,
     rays: Rays<'_>,
+    mask: u16,
+    work: &mut Work,
     answers: &mut Answers<'_>,
     stack: &mut Stack,
 ) {
     for i in 0..rays.len {
-        let (ray, slot, t_max) = (rays.ray(i), rays.slot[i], rays.tile.t_max[i]);
+        let (g, lane, slot) = (i / GROUP, i % GROUP, rays.slot[i]);
+        if mask >> g & 1 == 0 {
+            continue;
+        }
+        let (ray, t_max) = (rays.ray(i), rays.tile.t_max[i]);
+        // What was found is also a limit for what the groups meet next.
         if ANY {
             if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, t_max, stack) {
                 answers.set(slot);
+                work.iz[g][lane] = f32::INFINITY;
+                work.update_reach(simd, g);
             }
         } else {
             let mut hit = Hit { t: answers.limit(slot, t_max), ..Hit::MISS };
             if super::quadrics::closest(simd, shapes, &ray, path, &mut hit, stack) {
                 answers.put(slot, hit);
+                work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
+                work.update_reach(simd, g);
             }
         }
     }
+    work.update_far(simd);
 }
 
 /// The groups in `mask` through the triangle tree.
