@@ -29,11 +29,10 @@ impl Chain {
     pub(super) fn at(&self, time: f64) -> Option<Affine3A> {
         let mut product = DAffine3::IDENTITY;
         for step in &self.0 {
-            product = product
-                * match step {
-                    Step::Fixed(transform) => *transform,
-                    Step::Animated(animation) => animation.matrix(time)?,
-                };
+            product *= match step {
+                Step::Fixed(transform) => *transform,
+                Step::Animated(animation) => animation.matrix(time)?,
+            };
         }
         let single = Affine3A {
             matrix3: product.matrix3.as_mat3().into(),
