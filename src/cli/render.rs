@@ -204,6 +204,7 @@ fn build(arguments: &Arguments, edits: Vec<Edit>) -> Result<(Engine, ApplyReport
             Accelerator::Bvh => engine::Accelerator::Bvh,
             Accelerator::KdTree => engine::Accelerator::KdTree,
         },
+        ..EngineOptions::default()
     };
     console::with_progress("building", move |progress| {
         let mut engine = Engine::new(options)?;

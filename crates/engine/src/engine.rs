@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use heliostat_kernel::{Isa, RayQuery};
 use heliostat_scene::{
@@ -21,12 +21,23 @@ const STACK_BYTES: usize = 16 << 20;
 const MAX_PIXELS: u64 = 1 << 27;
 
 /// How the engine runs.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct EngineOptions {
     /// Threads to build and render with; `None` takes one per core. Never changes a result.
     pub threads: Option<NonZeroUsize>,
     /// What the triangles of each object are sorted into. Changes a result by rounding at most.
     pub accelerator: Accelerator,
+    /// A tree that deformation has worn out is built anew within [`Backend::apply`] if that is expected to take no longer,
+    /// else in the background while the old one serves. Never changes a result.
+    pub rebuild_budget: Duration,
+}
+
+impl Default for EngineOptions {
+    /// All cores, the fastest accelerator, 10 ms for rebuilds.
+    fn default() -> Self {
+        let accelerator = Accelerator::default();
+        Self { threads: None, accelerator, rebuild_budget: Duration::from_millis(10) }
+    }
 }
 
 /// The structure in which rays look for triangles.
@@ -43,7 +54,7 @@ pub enum Accelerator {
 pub struct Engine {
     scene: Scene,
     compiled: Compiled,
-    accelerator: Accelerator,
+    options: EngineOptions,
     threads: NonZeroUsize,
     pool: rayon::ThreadPool,
 }
@@ -69,8 +80,7 @@ impl Engine {
             .thread_name(|i| format!("heliostat-build-{i}"))
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
-        let accelerator = options.accelerator;
-        Ok(Self { scene: Scene::default(), compiled: Compiled::new(accelerator), accelerator, threads, pool })
+        Ok(Self { scene: Scene::default(), compiled: Compiled::new(&options), options, threads, pool })
     }
 
     /// The scene as all edits so far have made it.
@@ -88,7 +98,7 @@ impl Engine {
         let mut scene = Scene::default();
         let edits = self.scene.to_edits();
         let applied = scene.apply(&edits)?;
-        let mut compiled = Compiled::new(self.accelerator);
+        let mut compiled = Compiled::new(&self.options);
         let result = self.pool.install(|| compiled.update(&scene, &edits, &applied, &Progress::new()));
         self.compiled = compiled;
         match result {
@@ -191,6 +201,9 @@ impl Backend for Engine {
     fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError> {
         let start = Instant::now();
         let integrator = check(request)?;
+        if self.compiled.has_finished() {
+            self.apply(&[], progress)?;
+        }
         if request.materials != MaterialOverride::None {
             self.compiled.prepare_override(&self.scene, request.materials);
         }

@@ -77,6 +77,8 @@ pub enum RebuildReason {
     ChildChanged,
     /// An instance directly inside it moved.
     InstanceMoved,
+    /// Bringing it up to date again and again had made it costly to trace.
+    Worn,
 }
 
 /// Why a backend could not do its work.

@@ -7,6 +7,7 @@ mod changes;
 mod tables;
 mod trees;
 mod world;
+mod worn;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -22,10 +23,10 @@ use heliostat_shading::{EnvironmentLight, InterfaceCache, MipMap, ShadingScene};
 use rayon::prelude::*;
 
 use self::changes::{Cause, Changes};
-use crate::engine::Accelerator;
+use crate::engine::{Accelerator, EngineOptions};
 
 /// An object's accelerators.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct BuiltObject {
     /// What the triangle tree was built over.
     geometries: Vec<GeometryId>,
@@ -35,6 +36,8 @@ struct BuiltObject {
     object: Arc<kernel::Object>,
     /// The instances that `object` holds, in its order.
     placed: Vec<InstanceId>,
+    /// A better tree, in the making.
+    pending: Option<worn::Pending>,
 }
 
 impl Default for BuiltObject {
@@ -45,6 +48,7 @@ impl Default for BuiltObject {
             moving: false,
             object: Arc::new(kernel::Object::empty()),
             placed: Vec::new(),
+            pending: None,
         }
     }
 }
@@ -70,6 +74,11 @@ pub(crate) struct Compiled {
     lit_bounds: Option<SceneBounds>,
     /// Tables for [`MaterialOverride::Diffuse`], made when first asked for.
     diffuse: Option<ShadingScene>,
+    pace: worn::Pace,
+    /// Objects with a tree in the making.
+    rebuilding: BTreeSet<ObjectId>,
+    /// Where those are made; started when first needed.
+    background: Option<rayon::ThreadPool>,
 }
 
 /// What was made ahead, to be committed at once.
@@ -83,10 +92,10 @@ struct Staged {
 }
 
 impl Compiled {
-    /// Nothing yet; trees will be of the kind given.
-    pub(crate) fn new(accelerator: Accelerator) -> Self {
+    /// Nothing yet.
+    pub(crate) fn new(options: &EngineOptions) -> Self {
         Self {
-            accelerator,
+            accelerator: options.accelerator,
             objects: BTreeMap::new(),
             world: World::empty(),
             placed: Vec::new(),
@@ -99,6 +108,9 @@ impl Compiled {
             shading: ShadingScene::default(),
             lit_bounds: None,
             diffuse: None,
+            pace: worn::Pace::new(options.rebuild_budget.as_secs_f64() * 1e3),
+            rebuilding: BTreeSet::new(),
+            background: None,
         }
     }
 
@@ -126,7 +138,7 @@ impl Compiled {
         progress: &Progress,
     ) -> Result<ApplyReport, Refused> {
         let changes = Changes::new(edits, applied, scene);
-        if changes.is_empty() {
+        if changes.is_empty() && !self.has_finished() {
             return Ok(ApplyReport::default());
         }
         let staged = self.stage(scene, changes, progress).map_err(Refused::Untouched)?;
@@ -162,6 +174,7 @@ impl Compiled {
             self.environment = environment;
         }
         self.update_tables(scene, &changes, &touched);
+        self.start_rebuilds(scene, &touched.worn);
         Ok(report)
     }
 }

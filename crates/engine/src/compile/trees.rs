@@ -62,6 +62,12 @@ impl Compiled {
                 }
             }
         }
+        for id in self.finished_objects() {
+            // What the tree in the background was made for has stopped: take it into service all the same.
+            if let Some(part) = scene.objects().get(&id).and_then(|object| object.parts.first()) {
+                causes.entry(id).or_insert((Target::Geometry(part.geometry), RebuildReason::Worn));
+            }
+        }
         let work = |(id, cause): (ObjectId, Cause)| TreeWork {
             id,
             cause,

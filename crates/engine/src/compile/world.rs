@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use heliostat_kernel as kernel;
-use heliostat_kernel::{BuildError, InstanceChange, UpdateKind};
+use heliostat_kernel::{BuildError, BuildOptions, InstanceChange, RefitPolicy, TriangleBvh, UpdateKind};
 use heliostat_scene::{
     ApplyReport, BackendError, InstanceId, ObjectId, RebuildKind, RebuildReason, Scene, Target,
 };
 
 use super::changes::{Cause, Changes, Holder, Move};
 use super::trees::{StagedTree, TreeWork, kernel_meshes, kernel_quadrics, refused, tell};
+use super::worn::{self, Pace};
 use super::{BuiltObject, Compiled, note};
 
 /// What happened to the hierarchy, for the shader tables.
@@ -25,6 +26,8 @@ pub(super) struct Touched {
     pub(super) below: BTreeMap<Holder, Vec<usize>>,
     /// Objects whose triangles are others, or elsewhere.
     pub(super) reshaped: Vec<ObjectId>,
+    /// Objects whose trees should be made anew when there is time.
+    pub(super) worn: Vec<ObjectId>,
 }
 
 impl Touched {
@@ -116,14 +119,21 @@ impl Compiled {
             // Nobody else holds it since it was released, so nothing is copied.
             let object = Arc::make_mut(&mut built.object);
             if let Some(mut tree) = staged.remove(&id) {
+                if let Some(report) = &tree.report {
+                    self.pace.learn(report);
+                }
                 tell(&mut tree, pass.report);
+                built.pending = None;
                 object.set_triangles(tree.triangles);
             }
             if let Some(work) = work {
                 pass.quadrics(object, &name, work)?;
             }
             if let Some(work) = work.filter(|work| work.refit) {
-                pass.refit(object, &name, work)?;
+                if let Some(tree) = worn::finished(&mut built.pending, &built.indices) {
+                    object.set_triangles(Some(tree.into()));
+                }
+                pass.refit(object, &name, work, &self.pace)?;
             }
             let name = format!("instance tree of {name}");
             let held = Held { holder: Some(id), name, object, placed: &mut built.placed };
@@ -173,20 +183,33 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
+    /// Moves the vertices in an object's tree, and makes the tree anew if it has become too bad for that.
     fn refit(
         &mut self,
         object: &mut kernel::Object,
         name: &str,
         work: &TreeWork,
+        pace: &Pace,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
         let parts = &self.scene.objects()[&work.id].parts;
         let geometries: Vec<_> = parts.iter().map(|part| part.geometry).collect();
-        let stats = object.refit(&kernel_meshes(self.scene, &geometries));
-        if let Some(stats) = stats.map_err(|error| refused(name, &error))? {
-            let kind = RebuildKind::Refitted { cost: stats.sah / stats.sah_at_build };
-            note(self.report, format!("triangle tree of {name}"), work.cause, kind, work.triangles, start);
+        let meshes = kernel_meshes(self.scene, &geometries);
+        let refit = object.follow(&meshes, &RefitPolicy::default()).map_err(|error| refused(name, &error))?;
+        let Some(refit) = refit else { return Ok(()) };
+        let what = format!("triangle tree of {name}");
+        if refit.rebuild && pace.allows(work.triangles) {
+            let tree = TriangleBvh::build(&meshes, &BuildOptions::default());
+            object.set_triangles(Some(tree.map_err(|error| refused(name, &error))?.into()));
+            let cause = (work.cause.0, RebuildReason::Worn);
+            note(self.report, what, cause, RebuildKind::Built, work.triangles, start);
+            return Ok(());
         }
+        if refit.rebuild {
+            self.touched.worn.push(work.id);
+        }
+        let kind = RebuildKind::Refitted { cost: refit.sah / refit.sah_at_build };
+        note(self.report, what, work.cause, kind, work.triangles, start);
         Ok(())
     }
 

@@ -2,7 +2,13 @@
 use std::sync::{Arc, LazyLock};
 
 use super::{Instance, Object};
-use crate::{build::TreeStats, error::BuildError, mesh::Mesh, quadric::Quadrics, triangles::Triangles};
+use crate::{
+    build::{Refit, RefitPolicy},
+    error::BuildError,
+    mesh::Mesh,
+    quadric::Quadrics,
+    triangles::Triangles,
+};
 
 /// Stands in for released children.
 static EMPTY: LazyLock<Arc<Object>> = LazyLock::new(|| Arc::new(Object::empty()));
@@ -32,18 +38,16 @@ impl Object {
         self.unite_bounds();
     }
 
-    /// Moves the vertices of the object's own triangles, as [`TriangleBvh::refit`](crate::TriangleBvh::refit): in place
-    /// where no other object shares the tree, else in a copy. `None` if the object has no [`Triangles::Bvh`].
+    /// Moves the vertices of the object's own triangles, as [`TriangleBvh::follow`](crate::TriangleBvh::follow): in
+    /// place where no other object shares the tree, else in a copy. `None` if the object has no [`Triangles::Bvh`].
     ///
     /// # Errors
-    /// Those of `TriangleBvh::refit`; the object is then as it was.
-    pub fn refit(&mut self, meshes: &[Mesh]) -> Result<Option<TreeStats>, BuildError> {
+    /// Those of `TriangleBvh::follow`; the object is then as it was.
+    pub fn follow(&mut self, meshes: &[Mesh], policy: &RefitPolicy) -> Result<Option<Refit>, BuildError> {
         let Some(Triangles::Bvh(tree)) = &mut self.triangles else { return Ok(None) };
-        let tree = Arc::make_mut(tree);
-        tree.refit(meshes)?;
-        let stats = tree.stats();
+        let refit = Arc::make_mut(tree).follow(meshes, policy)?;
         self.unite_bounds();
-        Ok(Some(stats))
+        Ok(Some(refit))
     }
 
     /// Hands out the object that instance `index` places and leaves an empty one in its place, so that whoever else
