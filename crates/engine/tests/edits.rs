@@ -39,21 +39,28 @@ fn transform() -> impl Strategy<Value = Affine3A> {
 fn mesh() -> impl Strategy<Value = Mesh> {
     let size = prop_oneof![4 => Just(2_u32), 1 => Just(1), 1 => Just(3)];
     let broken = prop::bool::weighted(0.2);
-    (size, prop::collection::vec(-0.3..0.3_f32, 16), broken).prop_map(|(size, heights, broken)| {
-        let row = size + 1;
-        let vertex = |i: u32| {
-            let (x, z) = (i % row, i / row);
-            let at = Vec3::new(x as f32, 0.0, z as f32) / size as f32 - Vec3::new(0.5, 0.0, 0.5);
-            at + Vec3::Y * heights[i as usize]
-        };
-        let mut positions: Vec<Vec3> = (0..row * row).map(vertex).collect();
-        if broken {
-            positions[0] = positions[1];
-        }
-        let quads = (0..size * size).map(|q| q % size + q / size * row);
-        let indices = quads.flat_map(|a| [[a, a + row, a + row + 1], [a, a + row + 1, a + 1]]).collect();
-        Mesh::new(positions, indices)
-    })
+    let moving = prop::bool::weighted(0.15);
+    (size, prop::collection::vec(-0.3..0.3_f32, 16), broken, moving).prop_map(
+        |(size, heights, broken, moving)| {
+            let row = size + 1;
+            let vertex = |i: u32| {
+                let (x, z) = (i % row, i / row);
+                let at = Vec3::new(x as f32, 0.0, z as f32) / size as f32 - Vec3::new(0.5, 0.0, 0.5);
+                at + Vec3::Y * heights[i as usize]
+            };
+            let mut positions: Vec<Vec3> = (0..row * row).map(vertex).collect();
+            if broken {
+                positions[0] = positions[1];
+            }
+            let quads = (0..size * size).map(|q| q % size + q / size * row);
+            let indices = quads.flat_map(|a| [[a, a + row, a + row + 1], [a, a + row + 1, a + 1]]).collect();
+            let mut mesh = Mesh::new(positions, indices);
+            if moving {
+                mesh.motion = mesh.positions.iter().map(|&p| p + Vec3::Y * p.x).collect();
+            }
+            mesh
+        },
+    )
 }
 
 fn material() -> impl Strategy<Value = Material> {
@@ -95,6 +102,7 @@ fn edit() -> impl Strategy<Value = Edit> {
     });
     prop_oneof![
         8 => (instance(), transform()).prop_map(|(id, to)| Edit::MoveInstance(id, to)),
+        2 => (instance(), transform(), transform()).prop_map(|(id, from, to)| Edit::SweepInstance(id, from, to)),
         8 => (geometry(), mesh()).prop_map(|(id, mesh)| Edit::Geometry(id, Geometry::Mesh(Arc::new(mesh)))),
         3 => (material_id(), material()).prop_map(|(id, material)| Edit::Material(id, Arc::new(material))),
         2 => (instance(), any::<bool>()).prop_map(|(id, visible)| Edit::ShowInstance(id, visible)),

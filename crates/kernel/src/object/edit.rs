@@ -30,6 +30,7 @@ impl Object {
     pub fn set_triangles(&mut self, triangles: Option<Triangles>) {
         self.triangles = triangles;
         self.unite_bounds();
+        self.look_for_motion();
     }
 
     /// Replaces the object's own spheres and cones; all else stays.
@@ -47,6 +48,7 @@ impl Object {
         let Some(Triangles::Bvh(tree)) = &mut self.triangles else { return Ok(None) };
         let refit = Arc::make_mut(tree).follow(meshes, policy)?;
         self.unite_bounds();
+        self.look_for_motion();
         Ok(Some(refit))
     }
 
