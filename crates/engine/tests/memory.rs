@@ -80,7 +80,7 @@ fn edit(step: u32) -> Edit {
         4 => material(step / 8 % 3, 0.2 + 0.1 * (step % 7) as f32),
         5 if step % 64 == 5 => texture(step as u8),
         5 => light(step / 8 % 4, step),
-        6 if step / 8 % 2 == 0 => Edit::RemoveInstance(InstanceId(id)),
+        6 if (step / 8).is_multiple_of(2) => Edit::RemoveInstance(InstanceId(id)),
         6 => object(step / 8 % GEOMETRIES),
         _ => instance(id, step),
     }

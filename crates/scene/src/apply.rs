@@ -26,38 +26,56 @@ impl Applied {
     }
 }
 
-/// How to take one edit back.
+/// How to take one edit back. Small, since lists of many thousand moves make as many of them: what is large is boxed.
 #[derive(Debug)]
 pub(crate) enum Undo {
     Geometry(GeometryId, Option<Geometry>),
     Texture(TextureId, Option<Arc<Texture>>),
     Material(MaterialId, Option<Arc<Material>>),
     Object(ObjectId, Option<Object>),
-    Instance(InstanceId, Option<Instance>),
+    Instance(InstanceId, Option<Box<Instance>>),
     Place { id: InstanceId, parent: Option<ObjectId>, before: Placing },
-    Light(LightId, Option<Light>),
-    Camera(CameraId, Option<Camera>),
-    Environment(Environment),
+    Light(LightId, Option<Box<Light>>),
+    Camera(CameraId, Option<Box<Camera>>),
+    Environment(Box<Environment>),
 }
 
 /// What moving and showing an instance change.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placing {
     parent_from_object: Affine3A,
-    motion: Option<Affine3A>,
+    motion: Option<Box<Affine3A>>,
     visible: bool,
 }
 
 impl Placing {
     fn of(instance: &Instance) -> Self {
         let &Instance { parent_from_object, motion, visible, .. } = instance;
-        Self { parent_from_object, motion, visible }
+        Self { parent_from_object, motion: motion.map(Box::new), visible }
+    }
+
+    /// Where an edit puts an instance that stands like this; `None` for edits of other kinds.
+    fn edited(&self, edit: &Edit) -> Option<Self> {
+        let visible = self.visible;
+        Some(match *edit {
+            Edit::MoveInstance(_, parent_from_object) => Self { parent_from_object, motion: None, visible },
+            Edit::SweepInstance(_, parent_from_object, close) => {
+                Self { parent_from_object, motion: Some(Box::new(close)), visible }
+            }
+            Edit::ShowInstance(_, visible) => Self { visible, ..self.clone() },
+            _ => return None,
+        })
+    }
+
+    fn problem(&self) -> Option<String> {
+        let transforms = [Some(&self.parent_from_object), self.motion.as_deref()];
+        transforms.into_iter().flatten().find_map(transform_problem)
     }
 
     fn put(self, instance: &mut Instance) {
         let Self { parent_from_object, motion, visible } = self;
         (instance.parent_from_object, instance.motion, instance.visible) =
-            (parent_from_object, motion, visible);
+            (parent_from_object, motion.map(|motion| *motion), visible);
     }
 }
 
@@ -68,10 +86,7 @@ impl Scene {
     /// The first edit that contradicts itself or the scene; the scene is then unchanged.
     pub fn apply(&mut self, edits: &[Edit]) -> Result<Applied, EditError> {
         let mut undo = Vec::with_capacity(edits.len());
-        let result = edits
-            .iter()
-            .try_for_each(|edit| self.apply_one(edit).map(|step| undo.push(step)))
-            .and_then(|()| self.check_references(edits, &undo));
+        let result = self.apply_all(edits, &mut undo).and_then(|()| self.check_references(edits, &undo));
         let applied = Applied(undo);
         match result {
             Ok(()) => Ok(applied),
@@ -80,6 +95,20 @@ impl Scene {
                 Err(error)
             }
         }
+    }
+
+    fn apply_all(&mut self, edits: &[Edit], undo: &mut Vec<Undo>) -> Result<(), EditError> {
+        let mut rest = edits;
+        while let Some((edit, after)) = rest.split_first() {
+            match self.apply_run(rest, undo)? {
+                0 => {
+                    undo.push(self.apply_one(edit)?);
+                    rest = after;
+                }
+                done => rest = &rest[done..],
+            }
+        }
+        Ok(())
     }
 
     /// Takes the edits of one call of [`Self::apply`] back; only the latest one may be.
@@ -113,26 +142,23 @@ impl Scene {
             Edit::Instance(id, instance) => {
                 let transforms = [Some(instance.parent_from_object), instance.motion];
                 valid(Target::Instance(*id), transforms.iter().flatten().find_map(transform_problem))?;
-                Undo::Instance(*id, self.put_instance(*id, Some(instance.clone())))
+                Undo::Instance(*id, self.put_instance(*id, Some(instance.clone())).map(Box::new))
             }
-            Edit::MoveInstance(id, to) => self.place(*id, |placing| {
-                (placing.parent_from_object, placing.motion) = (*to, None);
-            })?,
-            Edit::SweepInstance(id, from, to) => self.place(*id, |placing| {
-                (placing.parent_from_object, placing.motion) = (*from, Some(*to));
-            })?,
-            Edit::ShowInstance(id, visible) => self.place(*id, |placing| placing.visible = *visible)?,
+            Edit::MoveInstance(id, _) | Edit::SweepInstance(id, ..) | Edit::ShowInstance(id, _) => {
+                let target = Target::Instance(*id);
+                place(self.instances.get_mut(id).ok_or(EditError::Unknown { target })?, *id, edit)?
+            }
             Edit::Light(id, light) => {
                 valid(Target::Light(*id), light.inconsistency())?;
-                Undo::Light(*id, self.lights.insert(*id, light.clone()))
+                Undo::Light(*id, self.lights.insert(*id, light.clone()).map(Box::new))
             }
             Edit::Camera(id, camera) => {
                 valid(Target::Camera(*id), camera.problem())?;
-                Undo::Camera(*id, self.cameras.insert(*id, camera.clone()))
+                Undo::Camera(*id, self.cameras.insert(*id, camera.clone()).map(Box::new))
             }
             Edit::Environment(environment) => {
                 valid(Target::Environment, environment.inconsistency())?;
-                Undo::Environment(std::mem::replace(&mut self.environment, environment.clone()))
+                Undo::Environment(Box::new(std::mem::replace(&mut self.environment, environment.clone())))
             }
             Edit::RemoveGeometry(id) => {
                 existing(Target::Geometry(*id), self.geometries.contains_key(id))?;
@@ -152,32 +178,41 @@ impl Scene {
             }
             Edit::RemoveInstance(id) => {
                 existing(Target::Instance(*id), self.instances.contains_key(id))?;
-                Undo::Instance(*id, self.put_instance(*id, None))
+                Undo::Instance(*id, self.put_instance(*id, None).map(Box::new))
             }
             Edit::RemoveLight(id) => {
                 existing(Target::Light(*id), self.lights.contains_key(id))?;
-                Undo::Light(*id, self.lights.remove(id))
+                Undo::Light(*id, self.lights.remove(id).map(Box::new))
             }
             Edit::RemoveCamera(id) => {
                 existing(Target::Camera(*id), self.cameras.contains_key(id))?;
-                Undo::Camera(*id, self.cameras.remove(id))
+                Undo::Camera(*id, self.cameras.remove(id).map(Box::new))
             }
         })
     }
 
-    /// Changes where an instance stands or whether it is shown: the common edit, and so the cheap one.
-    fn place(&mut self, id: InstanceId, change: impl FnOnce(&mut Placing)) -> Result<Undo, EditError> {
-        let target = Target::Instance(id);
-        let instance = self.instances.get_mut(&id).ok_or(EditError::Unknown { target })?;
-        let before = Placing::of(instance);
-        let mut now = before;
-        change(&mut now);
-        let transforms = [Some(now.parent_from_object), now.motion];
-        if let Some(problem) = transforms.iter().flatten().find_map(transform_problem) {
-            return Err(EditError::Invalid { target, problem });
+    /// Applies a run of edits that move existing instances one after the other, by one walk through them instead of a
+    /// search for each. Returns how many of the edits it did.
+    fn apply_run(&mut self, edits: &[Edit], undo: &mut Vec<Undo>) -> Result<usize, EditError> {
+        let length = rising_moves(edits);
+        let (Some(first), Some(last)) =
+            (edits.first().and_then(moved), edits[..length].last().and_then(moved))
+        else {
+            return Ok(0);
+        };
+        // A walk over many that stand still would cost more than it saves.
+        if length < 16 || (last.0 - first.0) as usize > 4 * length {
+            return Ok(0);
         }
-        now.put(instance);
-        Ok(Undo::Place { id, parent: instance.parent, before })
+        let mut instances = self.instances.range_mut(first..=last);
+        for edit in &edits[..length] {
+            let Some(wanted) = moved(edit) else { break };
+            let target = Target::Instance(wanted);
+            let found = instances.find(|(id, _)| **id >= wanted).filter(|(id, _)| **id == wanted);
+            let (_, instance) = found.ok_or(EditError::Unknown { target })?;
+            undo.push(place(instance, wanted, edit)?);
+        }
+        Ok(length)
     }
 
     /// Puts an instance, or nothing, in the place of another, and keeps track of who holds whom.
@@ -213,17 +248,49 @@ impl Scene {
             Undo::Texture(id, before) => restore(&mut self.textures, id, before),
             Undo::Material(id, before) => restore(&mut self.materials, id, before),
             Undo::Object(id, before) => restore(&mut self.objects, id, before),
-            Undo::Instance(id, before) => _ = self.put_instance(id, before),
+            Undo::Instance(id, before) => _ = self.put_instance(id, before.map(|before| *before)),
             Undo::Place { id, before, .. } => {
                 if let Some(instance) = self.instances.get_mut(&id) {
                     before.put(instance);
                 }
             }
-            Undo::Light(id, before) => restore(&mut self.lights, id, before),
-            Undo::Camera(id, before) => restore(&mut self.cameras, id, before),
-            Undo::Environment(before) => self.environment = before,
+            Undo::Light(id, before) => restore(&mut self.lights, id, before.map(|before| *before)),
+            Undo::Camera(id, before) => restore(&mut self.cameras, id, before.map(|before| *before)),
+            Undo::Environment(before) => self.environment = *before,
         }
     }
+}
+
+/// The instance that an edit moves, if that is what it does.
+fn moved(edit: &Edit) -> Option<InstanceId> {
+    match edit {
+        Edit::MoveInstance(id, _) | Edit::SweepInstance(id, ..) => Some(*id),
+        _ => None,
+    }
+}
+
+/// How many edits from the first on move instances of rising handles.
+fn rising_moves(edits: &[Edit]) -> usize {
+    let mut before = None;
+    let rising = |edit: &&Edit| {
+        let id = moved(edit);
+        let rises = id.is_some() && id > before;
+        before = id;
+        rises
+    };
+    edits.iter().take_while(rising).count()
+}
+
+/// Moves, shows or hides an instance.
+fn place(instance: &mut Instance, id: InstanceId, edit: &Edit) -> Result<Undo, EditError> {
+    let before = Placing::of(instance);
+    if let Some(now) = before.edited(edit) {
+        if let Some(problem) = now.problem() {
+            return Err(EditError::Invalid { target: Target::Instance(id), problem });
+        }
+        now.put(instance);
+    }
+    Ok(Undo::Place { id, parent: instance.parent, before })
 }
 
 fn unlink<K: Ord>(links: &mut BTreeMap<K, BTreeSet<InstanceId>>, key: K, id: InstanceId) {

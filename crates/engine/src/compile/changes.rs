@@ -13,13 +13,24 @@ pub(super) type Holder = Option<ObjectId>;
 /// Why something must be rebuilt.
 pub(super) type Cause = (Target, RebuildReason);
 
-/// Where an instance stands from now on.
+/// Where an edit that moves an instance puts it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) id: InstanceId,
     /// `parent_from_object` when the shutter opens, and when it closes if the instance moves meanwhile.
     pub(super) open: Affine3A,
     pub(super) close: Option<Affine3A>,
+}
+
+impl Move {
+    /// `None` for edits of other kinds.
+    pub(super) fn of(edit: &Edit) -> Option<Self> {
+        match *edit {
+            Edit::MoveInstance(id, open) => Some(Self { id, open, close: None }),
+            Edit::SweepInstance(id, open, close) => Some(Self { id, open, close: Some(close) }),
+            _ => None,
+        }
+    }
 }
 
 #[derive(Debug, Default)]
@@ -30,8 +41,8 @@ pub(super) struct Changes {
     pub(super) removed_objects: BTreeSet<ObjectId>,
     /// Holders in which instances came, went, or changed what they place.
     pub(super) lists: BTreeMap<Holder, Cause>,
-    /// Instances that moved and did nothing else, in the order of the edits.
-    pub(super) moves: BTreeMap<Holder, Vec<Move>>,
+    /// The edits, by their index, that moved instances and did nothing else.
+    pub(super) moves: BTreeMap<Holder, Vec<u32>>,
     pub(super) textures: BTreeSet<TextureId>,
     pub(super) removed_textures: BTreeSet<TextureId>,
     /// Defined, replaced or removed.
@@ -44,13 +55,18 @@ impl Changes {
     /// Of edits that have just been applied to `scene`.
     pub(super) fn new(edits: &[Edit], applied: &Applied, scene: &Scene) -> Self {
         let mut changes = Self::default();
+        // Successive moves mostly happen in the same holder.
+        let mut last: Option<(Holder, Vec<u32>)> = None;
         for (index, edit) in edits.iter().enumerate() {
             match edit {
-                Edit::MoveInstance(id, open) => {
-                    changes.moved(applied.holder(index), Move { id: *id, open: *open, close: None });
-                }
-                Edit::SweepInstance(id, open, close) => {
-                    changes.moved(applied.holder(index), Move { id: *id, open: *open, close: Some(*close) });
+                Edit::MoveInstance(..) | Edit::SweepInstance(..) => {
+                    let Some(holder) = applied.holder(index) else { continue };
+                    match &mut last {
+                        Some((same, moves)) if *same == holder => moves.push(index as u32),
+                        _ => {
+                            changes.take_moves(last.replace((holder, vec![index as u32])));
+                        }
+                    }
                 }
                 Edit::ShowInstance(id, _) | Edit::Instance(id, _) | Edit::RemoveInstance(id) => {
                     let now = scene.instances().get(id).map(|instance| instance.parent);
@@ -72,6 +88,7 @@ impl Changes {
                 Edit::RemoveGeometry(_) | Edit::Camera(..) | Edit::RemoveCamera(_) => {}
             }
         }
+        changes.take_moves(last);
         // The same list may define and remove a thing, in either order: what counts is whether it is there now.
         changes.objects.retain(|id| scene.objects().contains_key(id));
         changes.removed_objects.retain(|id| !scene.objects().contains_key(id));
@@ -84,9 +101,9 @@ impl Changes {
         changes
     }
 
-    fn moved(&mut self, holder: Option<Holder>, step: Move) {
-        if let Some(holder) = holder {
-            self.moves.entry(holder).or_default().push(step);
+    fn take_moves(&mut self, moves: Option<(Holder, Vec<u32>)>) {
+        if let Some((holder, moves)) = moves {
+            self.moves.entry(holder).or_default().extend(moves);
         }
     }
 

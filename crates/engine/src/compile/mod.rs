@@ -142,7 +142,7 @@ impl Compiled {
             return Ok(ApplyReport::default());
         }
         let staged = self.stage(scene, changes, progress).map_err(Refused::Untouched)?;
-        self.commit(scene, staged).map_err(Refused::Torn)
+        self.commit(scene, edits, staged).map_err(Refused::Torn)
     }
 
     /// Makes what takes long, to the side.
@@ -164,9 +164,9 @@ impl Compiled {
         Ok(Staged { changes, textures, work, trees, environment, report })
     }
 
-    fn commit(&mut self, scene: &Scene, staged: Staged) -> Result<ApplyReport, BackendError> {
+    fn commit(&mut self, scene: &Scene, edits: &[Edit], staged: Staged) -> Result<ApplyReport, BackendError> {
         let Staged { changes, textures, work, trees, environment, mut report } = staged;
-        let touched = self.commit_objects(scene, &changes, &work, trees, &mut report)?;
+        let touched = self.commit_objects(scene, (edits, &changes), &work, trees, &mut report)?;
         self.check_size()?;
         self.textures.extend(textures);
         self.textures.retain(|id, _| !changes.removed_textures.contains(id));

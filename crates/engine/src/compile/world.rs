@@ -7,8 +7,10 @@ use std::time::Instant;
 use heliostat_kernel as kernel;
 use heliostat_kernel::{BuildError, BuildOptions, InstanceChange, RefitPolicy, TriangleBvh, UpdateKind};
 use heliostat_scene::{
-    ApplyReport, BackendError, InstanceId, ObjectId, RebuildKind, RebuildReason, Scene, Target,
+    ApplyReport, BackendError, Edit, InstanceId, ObjectId, RebuildKind, RebuildReason, Scene, Target,
 };
+
+use rayon::prelude::*;
 
 use super::changes::{Cause, Changes, Holder, Move};
 use super::trees::{StagedTree, TreeWork, kernel_meshes, kernel_quadrics, refused, tell};
@@ -96,7 +98,7 @@ impl Compiled {
     pub(super) fn commit_objects(
         &mut self,
         scene: &Scene,
-        changes: &Changes,
+        (edits, changes): (&[Edit], &Changes),
         work: &[TreeWork],
         mut staged: BTreeMap<ObjectId, StagedTree>,
         report: &mut ApplyReport,
@@ -110,7 +112,7 @@ impl Compiled {
         let affected = Affected::new(scene, work.iter().map(|work| work.id).chain(holders));
         self.release(&affected);
         let mut pass =
-            Pass { scene, changes, affected: &affected, renewed: BTreeMap::new(), touched, report };
+            Pass { scene, edits, changes, affected: &affected, renewed: BTreeMap::new(), touched, report };
         let work: BTreeMap<ObjectId, &TreeWork> = work.iter().map(|work| (work.id, work)).collect();
         for &id in &affected.order {
             let mut built = self.objects.remove(&id).unwrap_or_default();
@@ -171,9 +173,13 @@ impl Compiled {
     }
 }
 
+/// An instance that can be seen is not among those that the kernel has.
+struct NotListed;
+
 /// One pass over the affected objects.
 struct Pass<'a> {
     scene: &'a Scene,
+    edits: &'a [Edit],
     changes: &'a Changes,
     affected: &'a Affected,
     /// Objects that were changed, and why.
@@ -239,7 +245,8 @@ impl Pass<'_> {
     ) -> Result<Option<Cause>, BackendError> {
         let moves = self.changes.moves.get(&held.holder).map_or(&[][..], Vec::as_slice);
         let children = self.affected.children.get(&held.holder).map_or(&[][..], Vec::as_slice);
-        let moved = moves.first().map(|first| (Target::Instance(first.id), RebuildReason::InstanceMoved));
+        let first = moves.first().and_then(|&index| Move::of(&self.edits[index as usize]));
+        let moved = first.map(|step| (Target::Instance(step.id), RebuildReason::InstanceMoved));
         let child = || {
             let object_of = |id: &InstanceId| self.scene.instances()[id].object;
             let (target, _) = children.iter().find_map(|id| self.renewed.get(&object_of(id)))?;
@@ -260,35 +267,40 @@ impl Pass<'_> {
         Ok(Some(cause))
     }
 
+    /// What moves make of a holder's instances. `None` if one of those that can be seen was not shown so far.
+    fn moved(&self, held: &Held<'_>, moves: &[u32]) -> Option<Vec<InstanceChange>> {
+        let step = |search: &mut Search<'_>, &index: &u32| {
+            let Some(step) = Move::of(&self.edits[index as usize]) else { return Ok(None) };
+            let placed = search.position(step.id).and_then(|at| Some((at, held.object.instance(at)?)));
+            let Some((index, before)) = placed else {
+                // Nothing is to be done for hidden ones.
+                let instance = self.scene.instances().get(&step.id);
+                let hidden = instance.is_none_or(|instance| !instance.visible);
+                return if hidden { Ok(None) } else { Err(NotListed) };
+            };
+            let (object, id) = (before.object.clone(), before.id);
+            let instance = kernel::Instance { object, parent_from_object: step.open, motion: step.close, id };
+            Ok(Some(InstanceChange { index, instance }))
+        };
+        let search = || Search::new(held.placed);
+        let found = moves.par_iter().with_min_len(1024).map_init(search, step);
+        found.filter_map(Result::transpose).collect::<Result<_, NotListed>>().ok()
+    }
+
     /// Updates instances in place. `None` if the list must be made anew: what could not be shown now can, or the other
     /// way round.
     fn update(
         &mut self,
         objects: &BTreeMap<ObjectId, BuiltObject>,
         held: &mut Held<'_>,
-        moves: &[Move],
+        moves: &[u32],
         children: &[InstanceId],
     ) -> Result<Option<(RebuildKind, u64)>, BackendError> {
-        let mut search = Search::new(held.placed);
-        let mut updates = Vec::with_capacity(moves.len() + children.len());
-        for step in moves {
-            let placed =
-                search.position(step.id).and_then(|index| Some((index, held.object.instance(index)?)));
-            match placed {
-                Some((index, before)) => {
-                    let (parent_from_object, motion) = (step.open, step.close);
-                    let instance = kernel::Instance { parent_from_object, motion, ..before.clone() };
-                    updates.push(InstanceChange { index, instance });
-                }
-                None if self.scene.instances().get(&step.id).is_some_and(|instance| instance.visible) => {
-                    return Ok(None);
-                }
-                None => {}
-            }
-        }
+        let Some(mut updates) = self.moved(held, moves) else { return Ok(None) };
         in_order(&mut updates);
         let moved: Vec<usize> = updates.iter().map(|update| update.index).collect();
         let mut below = Vec::new();
+        let mut search = Search::new(held.placed);
         for &id in children {
             let Some(index) = search.position(id) else { continue };
             let object = objects[&self.scene.instances()[&id].object].object.clone();
