@@ -54,6 +54,8 @@ mod track;
 #[cfg(test)]
 mod animation_tests;
 #[cfg(test)]
+mod material_tests;
+#[cfg(test)]
 mod tests;
 
 pub(crate) fn load_glb(
