@@ -1,12 +1,13 @@
 //! Light transport against exact solutions, end to end through the backend.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
-    AlphaMode, Backend, Camera, Environment, Frame, FrameRequest, Light, LightKind, Material, Mesh, Progress,
-    Projection, Quadric, SceneBuilder, Volume,
+    AlphaMode, Backend, Camera, ColorSpace, Environment, Frame, FrameRequest, Image, Light, LightKind,
+    Material, Mesh, Progress, Projection, Quadric, SceneBuilder, Texture, TextureRef, Volume,
 };
 
 fn render(scene: SceneBuilder, request: &FrameRequest) -> Frame {
@@ -111,6 +112,29 @@ fn lights_without_fall_off_light_alike_at_any_distance() {
         scene.light(Light { name: String::new(), kind });
         let request = FrameRequest { samples: 1, ..FrameRequest::new(look_down(0.25, 0.002), 4, 4) };
         assert_close(mean(&render(scene, &request)), Vec3::splat(0.5), 1e-4, "below the light");
+    }
+}
+
+#[test]
+fn ambient_terms_are_shown_by_the_classical_renderer_alone() {
+    // A texel of 0.5 times an ambient radiance, on a surface that no light reaches.
+    let ambient = Vec3::new(0.75, 0.5, 4.0);
+    for (renderer, expected) in [("direct", 0.5 * ambient), ("path", Vec3::ZERO)] {
+        let mut scene = SceneBuilder::new();
+        let image = Arc::new(Image::rgba_f32(1, 1, vec![0.5, 0.5, 0.5, 1.0]));
+        let texture = scene.texture(Texture::new("half", image, ColorSpace::Linear));
+        let material = Material {
+            ambient,
+            base_color_texture: Some(TextureRef::new(texture)),
+            ..Material::diffuse("floor", Vec3::splat(0.25))
+        };
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 1.0), material);
+        let request = FrameRequest {
+            samples: 1,
+            renderer: renderer.into(),
+            ..FrameRequest::new(look_down(0.25, 0.002), 4, 4)
+        };
+        assert_eq!(mean(&render(scene, &request)), expected, "{renderer}");
     }
 }
 

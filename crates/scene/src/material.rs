@@ -59,6 +59,10 @@ pub struct Material {
     pub clearcoat: Option<Clearcoat>,
     /// Show `base_color` as it is, without any lighting.
     pub unlit: bool,
+    /// The ambient term of classical ray tracing: linear RGB radiance, times the base colour's texture, that the
+    /// renderer `direct` adds wherever the surface is, lit or not. It stands for the light between surfaces in scenes
+    /// made for such renderers. Physical materials have none, and renderers that follow that light ignore it.
+    pub ambient: Vec3,
 }
 
 impl Default for Material {
@@ -87,6 +91,7 @@ impl Default for Material {
             volume: None,
             clearcoat: None,
             unlit: false,
+            ambient: Vec3::ZERO,
         }
     }
 }
@@ -173,7 +178,9 @@ impl Material {
                 return Some(format!("`{name}` is {value}; give a value from 0 to 1"));
             }
         }
-        for (name, value) in [("emissive", self.emissive), ("specular_color", self.specular_color)] {
+        for (name, value) in
+            [("emissive", self.emissive), ("specular_color", self.specular_color), ("ambient", self.ambient)]
+        {
             if !(value.is_finite() && value.min_element() >= 0.0) {
                 return Some(format!("`{name}` is {value}; give finite values of at least 0"));
             }

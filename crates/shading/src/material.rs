@@ -77,6 +77,8 @@ pub(crate) struct Appearance {
     pub(crate) through: Vec3,
     /// Reflected share of uniform white light.
     pub(crate) albedo: Vec3,
+    /// Radiance of the classical ambient term.
+    pub(crate) ambient: Vec3,
 }
 
 /// Shared tables of interfaces, by the bits of their index.
@@ -191,6 +193,12 @@ impl SurfaceMaterial {
         (self.source.base_color * lookup(&self.base_color, at) * at.color).clamp(Vec4::ZERO, Vec4::ONE)
     }
 
+    /// Radiance of the classical ambient term.
+    fn ambient(&self, at: &TextureCoordinates) -> Vec3 {
+        let ambient = self.source.ambient;
+        if ambient == Vec3::ZERO { ambient } else { ambient * lookup(&self.base_color, at).truncate() }
+    }
+
     /// Share of light that meets the surface, from the base colour's alpha.
     pub(crate) fn coverage(&self, alpha: f32) -> f32 {
         match self.source.alpha_mode {
@@ -258,6 +266,7 @@ impl SurfaceMaterial {
                 + coat.albedo
                 + glass.reflect.lerp(glass.transmit, 1.0 - glass.reflectance)
                 + sheet,
+            ambient: self.ambient(at),
         }
     }
 

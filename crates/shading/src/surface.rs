@@ -121,6 +121,8 @@ pub struct Surface {
     pub bsdf: Bsdf,
     /// Share of uniform white light that is reflected or transmitted.
     pub albedo: Vec3,
+    /// Radiance of the classical ambient term, which renderers add that do not follow light between surfaces.
+    pub ambient: Vec3,
     /// Absorption per metre along the ray that arrived: non-zero if it came through a solid.
     pub absorption: Vec3,
 }
@@ -388,6 +390,7 @@ pub(crate) fn surface(
         appearance.bsdf = appearance.bsdf.black();
         appearance.through = Vec3::splat(1.0 - appearance.coverage);
         appearance.albedo = emission;
+        appearance.ambient = Vec3::ZERO;
     }
     Surface {
         position,
@@ -399,6 +402,7 @@ pub(crate) fn surface(
         through: appearance.through,
         bsdf: appearance.bsdf,
         albedo: appearance.albedo,
+        ambient: appearance.ambient,
         absorption: if front { Vec3::ZERO } else { material.absorption() },
     }
 }

@@ -173,7 +173,8 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             ray.seen = true;
         }
         let emission = surface.emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
-        sum.add_radiance(ray.weight * (emission + self.ambient * surface.albedo));
+        let ambient = surface.ambient + self.ambient * surface.albedo;
+        sum.add_radiance(ray.weight * (emission + ambient));
         ray.edges += 1;
         if ray.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
             return;

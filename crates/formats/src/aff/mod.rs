@@ -4,7 +4,7 @@
 //!
 //! | statement | what becomes of it |
 //! |---|---|
-//! | `fm` | a fill with ambient, diffuse and specular colours; the ambient one has no counterpart |
+//! | `fm` | a fill with ambient, diffuse and specular colours |
 //! | `tt`, `ttp` | triangles with texture coordinates, and with normals |
 //! | `m` | meshes: vertices, normals, texture coordinates, triangles |
 //! | `tpa` | animated triangles: a deforming mesh, linear between its keys |
@@ -12,7 +12,7 @@
 //! | `k name {` … `}` | keyframes of what has that name: `transl`, `rot`, `scale`, `visibility` |
 //! | `la name` | a light that keyframes move; their translation takes the place of its position |
 //! | `a start end frames` | the span of the animation, which becomes 0 to its duration, and the frame rate |
-//! | `am` | ambient light: a note says how the renderer `direct` is given it |
+//! | `am` | ambient light, 1 where the file does not say: what it makes of the ambient colours is [`Material::ambient`] |
 //! | `d level`, `i level file` | detail: files of a higher level than the current one are left out |
 //!
 //! Keyframes called `camera` move the view. What they do not animate keeps the value of `v`.
@@ -26,9 +26,11 @@
 //! Interpolation is the format's: see the references of its splines below. At least four keys make a curve, of which the
 //! outermost only give direction.
 //!
-//! Textures multiply the diffuse colour and repeat; v runs downwards. They are looked for beside the file and in a folder
+//! Textures multiply the diffuse and the ambient colour and repeat; v runs downwards. They are looked for beside the file and in a folder
 //! `TextureFiles` there or beside its folder. +Y is up. Colours, reflections and lights are as for NFF, except that all
 //! lights bring their colour.
+//!
+//! [`Material::ambient`]: heliostat_scene::Material::ambient
 //!
 //! # References
 //! Lext, Assarsson, Möller, "BART: A Benchmark for Animated Ray Tracing", 2000, and IEEE Computer Graphics and

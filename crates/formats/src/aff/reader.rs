@@ -14,7 +14,7 @@ use super::motion::{AffMotion, moved_camera, moved_light};
 use super::textures::Textures;
 use crate::context::Context;
 use crate::error::LoadError;
-use crate::nff::fill::{Fill, extended};
+use crate::nff::fill::{Fill, FillKey, extended, linear};
 use crate::nff::shapes::Kind;
 use crate::nff::statement::{self, Polygon};
 use crate::nff::tokens::Tokens;
@@ -25,7 +25,7 @@ use crate::place::Place;
 const MAX_INCLUDES: usize = 32;
 
 /// What decides how an included file turns out, beside itself: the fill and the detail level.
-type State = ([u32; 12], i64);
+type State = (FillKey, i64);
 
 /// A light as written: position, colour, and the name of its animation.
 type WrittenLight = ((Vec3, Option<Vec3>), Option<String>);
@@ -41,11 +41,15 @@ pub(super) struct Reader<'c, 'a> {
     open: Vec<usize>,
     fill: Fill,
     level: i64,
-    materials: HashMap<([u32; 12], Option<String>), MaterialId>,
+    /// Of all included files.
+    highest: i64,
+    materials: HashMap<(FillKey, Option<String>), MaterialId>,
     textures: Textures,
     lights: Vec<WrittenLight>,
     camera: Option<Camera>,
     background: Vec3,
+    /// Multiplies the ambient colour of all fills, wherever it stands in the file.
+    ambient: Vec3,
     /// Start, end, number of frames.
     span: Option<(f64, f64, u32)>,
     /// Included files that are being read, and what those read before became: node and the state they left.
@@ -67,11 +71,13 @@ impl<'c, 'a> Reader<'c, 'a> {
             open: vec![0],
             fill: Fill::NEUTRAL,
             level,
+            highest: 0,
             materials: HashMap::new(),
             textures: Textures::default(),
             lights: Vec::new(),
             camera: None,
             background: Vec3::ZERO,
+            ambient: Vec3::ONE,
             span: None,
             including: Vec::new(),
             included: HashMap::new(),
@@ -112,7 +118,7 @@ impl<'c, 'a> Reader<'c, 'a> {
     fn statement(&mut self, tokens: &mut Tokens<'_>, keyword: &[u8]) -> Result<bool, LoadError> {
         match keyword {
             b"v" => self.camera = Some(statement::view(self.context, tokens)?.0),
-            b"b" => self.background = tokens.color("the background")?,
+            b"b" => self.background = linear(tokens.color("the background")?),
             b"l" | b"la" => {
                 let name = if keyword == b"la" { Some(tokens.name("the light's name")?) } else { None };
                 self.context.charge(128, &tokens.place())?;
@@ -128,7 +134,7 @@ impl<'c, 'a> Reader<'c, 'a> {
                 }
                 self.span = Some((start.into(), end.into(), tokens.count("the number of frames", 1)?));
             }
-            b"am" => self.ambient(tokens)?,
+            b"am" => self.ambient = tokens.color("the ambient light")?,
             b"d" => {
                 let level = tokens.integer("the detail level")?;
                 if self.context.limits.detail_level.is_none() {
@@ -199,14 +205,6 @@ impl<'c, 'a> Reader<'c, 'a> {
         Ok(true)
     }
 
-    fn ambient(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
-        let place = tokens.place();
-        let Vec3 { x, y, z } = tokens.color("the ambient light")?;
-        let hint = format!("the renderer `direct` shows such light with `--ambient {x},{y},{z}`");
-        self.context.note(place, "the file has ambient light, which is no part of a scene", hint);
-        Ok(())
-    }
-
     /// Opens a block after its transform.
     fn block(&mut self, tokens: &mut Tokens<'_>, way: Way) -> Result<(), LoadError> {
         super::open_brace(tokens)?;
@@ -234,11 +232,12 @@ impl<'c, 'a> Reader<'c, 'a> {
     /// `i` after the keyword. A file that cannot be read is left out with a warning.
     fn include(&mut self, tokens: &mut Tokens<'_>) -> Result<(), LoadError> {
         let level = tokens.integer("the detail level")?;
+        self.highest = self.highest.max(level);
         let name = tokens.name("the file's name")?.replace('\\', "/");
         let place = tokens.place();
         if level > self.level {
             let message = format!("`{name}` has detail level {level} and was left out");
-            let hint = format!("the level is {}; raise `Limits::detail_level` to see it", self.level);
+            let hint = format!("the level is {}; raise it to see the file", self.level);
             self.context.note(place, message, hint);
             return Ok(());
         }
@@ -256,7 +255,7 @@ impl<'c, 'a> Reader<'c, 'a> {
                 let bytes = match self.context.read(&name) {
                     Ok(bytes) => bytes,
                     Err(error) => {
-                        let hint = "put the file there, or choose another level by `Limits::detail_level`";
+                        let hint = "put the file there, or choose another detail level";
                         self.context.warn(place, format!("included file `{name}`: {error}"), hint);
                         return Ok(());
                     }
@@ -304,6 +303,12 @@ impl<'c, 'a> Reader<'c, 'a> {
         file: &Arc<str>,
     ) -> Result<(Vec<Edit>, AffMotion, Option<f64>), LoadError> {
         let frame_rate = self.time_span();
+        if self.highest > 0 {
+            let (level, highest) = (self.level, self.highest);
+            let message = format!("detail level {level} is read, and the file goes up to {highest}");
+            let hint = "choose another by `Limits::detail_level`, on the command line `--detail-level`";
+            self.context.note(Place::whole(file), message, hint);
+        }
         self.views_and_lights();
         if self.background != Vec3::ZERO {
             self.builder.environment(Environment::Constant(self.background));
@@ -318,6 +323,12 @@ impl<'c, 'a> Reader<'c, 'a> {
         }
         let hidden = self.place_all(file)?;
         let mut edits = self.builder.finish();
+        for edit in &mut edits {
+            if let Edit::Material(_, material) = edit {
+                let material = Arc::make_mut(material);
+                material.ambient = (material.ambient * self.ambient).min(Vec3::splat(f32::MAX));
+            }
+        }
         edits.extend(hidden.into_iter().map(|id| Edit::ShowInstance(id, false)));
         Ok((edits, self.motion, frame_rate))
     }

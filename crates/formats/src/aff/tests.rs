@@ -122,7 +122,8 @@ fn a_file_included_twice_is_one_object() {
     let moved = at(&mut scene, &mut timeline, 1.0).len();
     assert_eq!(moved, 2);
     // The fill of an included file holds on.
-    let grey = scene.materials().values().filter(|m| m.base_color.x == 0.5).count();
+    let half = crate::nff::fill::linear(Vec3::splat(0.5)).x;
+    let grey = scene.materials().values().filter(|m| m.base_color.x == half).count();
     assert_eq!((grey, scene.materials().len()), (1, 1));
 }
 
@@ -138,11 +139,14 @@ fn detail_levels_leave_files_out() {
         (loaded.edits.iter().filter(quadrics).count(), loaded.diagnostics.len())
     };
     assert_eq!(shown("i 0 fine.aff", None), (1, 0));
-    // One note on what was left out, one warning that nothing is shown.
-    assert_eq!(shown("i 2 fine.aff", None), (0, 2));
-    assert_eq!(shown("d 2 i 2 fine.aff", None), (1, 0));
-    assert_eq!(shown("i 2 fine.aff", Some(2)), (1, 0));
-    assert_eq!(shown("d 2 i 2 fine.aff", Some(1)), (0, 2));
+    // Notes on the level and on what was left out, one warning that nothing is shown.
+    assert_eq!(shown("i 2 fine.aff", None), (0, 3));
+    assert_eq!(shown("d 2 i 2 fine.aff", None), (1, 1));
+    assert_eq!(shown("i 2 fine.aff", Some(2)), (1, 1));
+    assert_eq!(shown("d 2 i 2 fine.aff", Some(1)), (0, 3));
+    let told = read(&format!("{VIEW}i 2 fine.aff"), &[]).unwrap().diagnostics;
+    let level = "detail level 0 is read, and the file goes up to 2";
+    assert!(told.iter().any(|told| told.to_string().contains(level)), "{told:?}");
 }
 
 #[test]
@@ -224,6 +228,23 @@ fn cameras_lights_and_visibility_follow_their_keys() {
 }
 
 #[test]
+fn ambient_light_shows_ambient_colours_wherever_it_stands() {
+    let ambient = |text: &str| {
+        let (scene, _) = scene(text, &[]);
+        scene.materials().values().map(|material| material.ambient).collect::<Vec<_>>()
+    };
+    let fill = "fm 0.5 0.2 0 0 0 0 0 0 0 1 0 0 s 0 0 0 1\n";
+    let shown = crate::nff::fill::linear(Vec3::new(0.5, 0.2, 0.0));
+    assert_eq!(ambient(fill), [shown], "1 where the file does not say");
+    let light = Vec3::new(0.5, 1.0, 2.0);
+    assert_eq!(ambient(&format!("am 0.5 1 2 {fill}")), [shown * light]);
+    assert_eq!(ambient(&format!("{fill}am 0.5 1 2")), [shown * light]);
+    assert_eq!(ambient("f 1 1 1 1 0 0 0 0 s 0 0 0 1"), [Vec3::ZERO], "`f` has none");
+    // Fills that differ in it alone are two.
+    assert_eq!(ambient(&format!("{fill}{}", fill.replace("0.5", "0.7"))).len(), 2);
+}
+
+#[test]
 fn what_is_missing_is_told_of() {
     let told = |text: &str| {
         let loaded = read(&format!("{VIEW}s 0 0 0 1\n{text}"), &[]).unwrap();
@@ -235,7 +256,6 @@ fn what_is_missing_is_told_of() {
     assert!(
         told("tt t.ppm 0 0 0 0 0 1 0 0 0 0 0 1 0 0 0").contains("texture `t.ppm`: there is no such file")
     );
-    assert!(told("am 1 0.5 0").contains("--ambient 1,0.5,0"));
     let error = |text: &str| read(text, &[]).unwrap_err().to_string();
     assert!(error("k a { transl 3").contains("the number of keys is 3; give a whole number of at least 4"));
     assert!(error("k a { spin 4").contains("`spin` is no kind of keys"));

@@ -6,10 +6,16 @@ use heliostat_scene::{Material, Volume};
 
 use super::tokens::Tokens;
 use crate::error::LoadError;
+use crate::image::pixels::srgb_to_linear;
 
-/// The current fill: what `f` and AFF's `fm` say, in common terms.
+/// Tells fills apart.
+pub(crate) type FillKey = [u32; 15];
+
+/// The current fill: what `f` and AFF's `fm` say, in common terms and as on the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fill {
+    /// Shown whether lit or not, under ambient light of 1.
+    pub(crate) ambient: Vec3,
     pub(crate) diffuse: Vec3,
     pub(crate) specular: Vec3,
     /// Phong exponent.
@@ -23,6 +29,7 @@ pub(crate) struct Fill {
 impl Fill {
     /// Before the first fill statement.
     pub(crate) const NEUTRAL: Self = Self {
+        ambient: Vec3::ZERO,
         diffuse: Vec3::splat(0.5),
         specular: Vec3::ZERO,
         shine: 0.0,
@@ -36,6 +43,7 @@ impl Fill {
         let color = tokens.color("the fill colour")?;
         let (kd, ks) = (share(tokens, "Kd")?, share(tokens, "Ks")?);
         Ok(Self {
+            ambient: Vec3::ZERO,
             diffuse: color * kd,
             specular: Vec3::splat(ks),
             shine: tokens.float("Shine")?,
@@ -46,11 +54,12 @@ impl Fill {
     }
 
     /// All numbers as bits: fills that agree here are the same material.
-    pub(crate) fn key(&self) -> [u32; 12] {
-        let [a, b, c] = [self.diffuse, self.specular, self.tint].map(|v| v.to_array().map(f32::to_bits));
+    pub(crate) fn key(&self) -> FillKey {
+        let colors =
+            [self.ambient, self.diffuse, self.specular, self.tint].map(|v| v.to_array().map(f32::to_bits));
         let rest = [self.shine, self.transmittance, self.ior].map(f32::to_bits);
-        let mut key = [0; 12];
-        for (to, from) in key.iter_mut().zip(a.into_iter().chain(b).chain(c).chain(rest)) {
+        let mut key = [0; 15];
+        for (to, from) in key.iter_mut().zip(colors.into_iter().flatten().chain(rest)) {
             *to = from;
         }
         key
@@ -58,9 +67,8 @@ impl Fill {
 
     /// The scene's material.
     pub(crate) fn material(&self, name: String) -> Material {
-        let diffuse = self.diffuse.min(Vec3::ONE);
-        let mut material = Material::diffuse(name, diffuse);
-        let specular = self.specular.min(Vec3::ONE);
+        let [diffuse, specular] = [self.diffuse, self.specular].map(|color| linear(color.min(Vec3::ONE)));
+        let mut material = Material { ambient: linear(self.ambient), ..Material::diffuse(name, diffuse) };
         if specular.max_element() > 0.0 {
             // The strength is the reflectance at grazing angles; the colour raises that at normal incidence to it.
             const F0: f32 = 0.04;
@@ -70,7 +78,7 @@ impl Fill {
         }
         if self.transmittance > 0.0 {
             // A mix of `diffuse` scattered and `tint · T` passed, under one colour.
-            let passed = self.tint * self.transmittance.min(1.0);
+            let passed = linear(self.tint * self.transmittance.min(1.0));
             let sum = diffuse + passed;
             material.transmission = passed.element_sum() / sum.element_sum().max(f32::MIN_POSITIVE);
             material.transmission = material.transmission.min(1.0);
@@ -85,6 +93,12 @@ impl Fill {
     }
 }
 
+/// A colour as written in linear values, at most `f32::MAX`. Classical renderers showed what they computed as it was: their
+/// colours are those of the screen.
+pub(crate) fn linear(color: Vec3) -> Vec3 {
+    color.map(|channel| srgb_to_linear(channel).min(f32::MAX))
+}
+
 /// A number of at least 0, at most 1 of which counts.
 fn share(tokens: &mut Tokens<'_>, what: &str) -> Result<f32, LoadError> {
     let value = tokens.float(what)?;
@@ -94,11 +108,10 @@ fn share(tokens: &mut Tokens<'_>, what: &str) -> Result<f32, LoadError> {
     Err(tokens.error(format!("{what} is {value}"), "give a value from 0 to 1"))
 }
 
-/// AFF's `fm` after the keyword: ambient, diffuse and specular colour, `Shine T index_of_refraction`. There is no
-/// ambient reflection in the scene's model.
+/// AFF's `fm` after the keyword: ambient, diffuse and specular colour, `Shine T index_of_refraction`.
 pub(crate) fn extended(tokens: &mut Tokens<'_>) -> Result<Fill, LoadError> {
-    tokens.color("the ambient colour")?;
     Ok(Fill {
+        ambient: tokens.color("the ambient colour")?,
         diffuse: tokens.color("the diffuse colour")?,
         specular: tokens.color("the specular colour")?,
         shine: tokens.float("Shine")?,

@@ -10,7 +10,10 @@
 //!
 //! The format says how surfaces and lights of a classical ray tracer look. Here that becomes:
 //!
-//! - `rgb · Kd` is the diffuse reflectance, at most 1. Colours are linear.
+//! - Such programs showed the numbers they computed as they were. So colours, and with them `Kd`, `Ks` and `T`, are those
+//!   of the screen: they are decoded from sRGB, as textures are, and a fully lit white wall of `Kd` 0.5 looks half as bright
+//!   on the screen. Lights are linear, so that two of them light as much as their sum.
+//! - `rgb · Kd` is the diffuse reflectance, at most 1.
 //! - `Ks` is the reflectance of a coat over it, uncoloured and the same at all angles. Reflections are sharp whatever
 //!   `Shine` says, as they were: the coat's perceptual roughness is that of the Phong exponent `Shine`, but at most 0.1,
 //!   which leaves a highlight where a perfect mirror has none.
@@ -36,7 +39,7 @@ use heliostat_scene::{Camera, Edit, Environment, Light, LightKind, MaterialId, S
 use crate::context::Context;
 use crate::error::LoadError;
 use crate::place::Place;
-use fill::Fill;
+use fill::{Fill, FillKey, linear};
 use shapes::Shapes;
 use statement::Polygon;
 use tokens::Tokens;
@@ -74,7 +77,7 @@ struct Reader {
     builder: SceneBuilder,
     shapes: Shapes,
     fill: Fill,
-    materials: HashMap<[u32; 12], MaterialId>,
+    materials: HashMap<FillKey, MaterialId>,
     /// With the direction that is up.
     view: Option<(Camera, Vec3)>,
     lights: Vec<(Vec3, Option<Vec3>)>,
@@ -92,7 +95,7 @@ impl Reader {
     ) -> Result<bool, LoadError> {
         match keyword {
             b"v" => self.view = Some(statement::view(context, tokens)?),
-            b"b" => self.background = tokens.color("the background")?,
+            b"b" => self.background = linear(tokens.color("the background")?),
             b"l" => {
                 context.charge(64, &tokens.place())?;
                 self.lights.push(statement::light(tokens)?);

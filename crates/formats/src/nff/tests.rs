@@ -37,7 +37,7 @@ fn every_statement_is_read() {
         s 1 2 3 4\nc 0 0 0 1 0 0 2 0.5\np 4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n\
         pp 3\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n";
     let scene = scene(text);
-    assert_eq!(*scene.environment(), Environment::Constant(Vec3::new(0.1, 0.2, 0.3)));
+    assert_eq!(*scene.environment(), Environment::Constant(linear(Vec3::new(0.1, 0.2, 0.3))));
     assert_eq!(scene.materials().len(), 1);
     let flat = meshes(&scene);
     assert_eq!(flat.iter().map(|m| m.indices.len()).collect::<Vec<_>>(), [2, 1]);
@@ -88,23 +88,31 @@ fn lights_without_a_colour_share_the_light() {
     assert!(power[3].abs_diff_eq(Vec3::new(0.25, 0.0, 0.0), 1e-6));
 }
 
+/// What looks so on the screen.
+fn screen(r: f32, g: f32, b: f32) -> Vec4 {
+    linear(Vec3::new(r, g, b)).extend(1.0)
+}
+
 #[test]
 fn fills_become_materials() {
     let matte = material("f 1 0.5 0.25 0.5 0 1000 0 1");
-    assert_eq!((matte.base_color, matte.specular), (Vec4::new(0.5, 0.25, 0.125, 1.0), 0.0));
+    assert_eq!((matte.base_color, matte.specular), (screen(0.5, 0.25, 0.125), 0.0));
+    assert!((matte.base_color.x - 0.21404).abs() < 1e-5, "the sRGB curve: {}", matte.base_color.x);
+    assert_eq!(matte.ambient, Vec3::ZERO);
     let mirror = material("f 1 0.9 0.7 0.5 0.5 3 0 1");
     let head_on = mirror.specular * 0.04 * mirror.specular_color;
-    assert!(head_on.abs_diff_eq(Vec3::splat(0.5), 1e-6) && mirror.specular == 0.5);
+    assert!(head_on.abs_diff_eq(Vec3::splat(0.21404), 1e-5) && (mirror.specular - 0.21404).abs() < 1e-5);
     assert_eq!(mirror.roughness, 0.1);
     let shiny = material("f 1 1 1 0.5 0.02 1e9 0 1");
-    assert!(shiny.roughness < 0.01 && shiny.specular == 0.02);
-    let glass = material("f 1 0.5 0.5 0.2 0 3 0.6 1.5");
+    assert!(shiny.roughness < 0.01 && (shiny.specular - 0.02 / 12.92).abs() < 1e-6);
+    let glass = material("f 1 1 1 0.2 0 3 0.6 1.5");
     assert_eq!((glass.ior, glass.volume.is_some(), glass.roughness), (1.5, true, 0.0));
     // Passed and scattered shares, of red: 0.6 and 0.2.
     let (passed, all) = (glass.transmission * glass.base_color.x, glass.base_color.x);
-    assert!((passed - 0.6).abs() < 1e-6 && (all - 0.8).abs() < 1e-6, "{glass:?}");
+    let expected = screen(0.6, 0.2, 0.0);
+    assert!((passed - expected.x).abs() < 1e-6 && (all - expected.x - expected.y).abs() < 1e-6, "{glass:?}");
     assert!(material("f 1 1 1 0 0 3 0.6 1").volume.is_none());
-    assert_eq!(material("").base_color, Vec4::new(0.5, 0.5, 0.5, 1.0));
+    assert_eq!(material("").base_color, screen(0.5, 0.5, 0.5));
 }
 
 #[test]
