@@ -1,5 +1,6 @@
 //! The command line end to end: exit codes, messages, files, and that a picture does not depend on threads.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -256,6 +257,52 @@ fn sequences_move_and_keep_their_exposure() {
         (&"turn".into(), &2.into())
     );
     assert!(stdout(&heliostat(&folder, "info cornell")).contains("`turn`, 4.000 s, moves 2 instances"));
+}
+
+/// Robots of the BART benchmark walk: rigid motion moves instances and builds no triangles.
+#[test]
+fn robots_walk_without_building_triangles() {
+    let Some(scenes) = std::env::var_os("HELIOSTAT_SCENES").map(PathBuf::from) else {
+        // Past the test harness, which keeps what passing tests print to itself.
+        let text = "robots_walk_without_building_triangles did not run: HELIOSTAT_SCENES is not set";
+        _ = writeln!(std::io::stderr(), "{text}");
+        return;
+    };
+    let folder = folder("robots");
+    let scene = scenes.join("bart-robots/aff/Robot.aff").canonicalize().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_heliostat"));
+    command.arg("render").arg(scene).current_dir(&folder);
+    let options = "--renderer direct --frames 457..459 --size 32x24 --spp 1 -o r.exr --json";
+    let output = command.args(options.split(' ')).output().unwrap();
+    expect_code(&output, 0);
+    let lines: Vec<Value> = stdout(&output).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let second = lines[1]["apply"]["rebuilt"].as_array().unwrap();
+    assert!(!second.is_empty() && second.iter().all(|r| r["reason"] == "InstanceMoved"), "{second:?}");
+    let picture = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    assert_ne!(picture("r.0457.exr"), picture("r.0458.exr"));
+}
+
+#[test]
+fn detail_levels_are_chosen_and_quadrics_counted() {
+    let folder = folder("levels");
+    let view = "v from 0 0 9 at 0 0 0 up 0 1 0 angle 45 hither 1 resolution 8 8";
+    let coarse = format!("{view}\ns 0 0 0 1\nc 0 0 0 1 0 2 0 0\ni 1 fine.aff\n");
+    std::fs::write(folder.join("a.aff"), coarse).unwrap();
+    std::fs::write(folder.join("fine.aff"), "s 3 0 0 1\n").unwrap();
+    for (level, options, spheres) in [(0, "", 1), (1, "--detail-level 1", 2)] {
+        let output = heliostat(&folder, &format!("info a.aff --json {options}"));
+        expect_code(&output, 0);
+        let info: Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert_eq!((info["spheres"].as_u64(), info["cones"].as_u64()), (Some(spheres), Some(1)), "{level}");
+        let table = stdout(&heliostat(&folder, &format!("info a.aff {options}")));
+        assert!(table.contains(&format!("detail level {level} is read")), "{table}");
+        assert!(table.contains(&format!("{spheres} spheres, 1 cones")), "{table}");
+    }
+    let render = "render a.aff --renderer direct --size 16x16 --spp 1";
+    expect_code(&heliostat(&folder, &format!("{render} -o coarse.exr")), 0);
+    expect_code(&heliostat(&folder, &format!("{render} --detail-level 1 -o fine.exr")), 0);
+    let picture = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    assert_ne!(picture("coarse.exr"), picture("fine.exr"));
 }
 
 #[test]

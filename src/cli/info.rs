@@ -14,6 +14,9 @@ use super::statistics::{Statistics, image_bytes};
 pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     scene: String,
+    /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
+    #[arg(long, value_name = "N")]
+    detail_level: Option<u32>,
     /// Tell what moves and how, and what grouping by motion (`render --group`) merges
     #[arg(long)]
     motion: bool,
@@ -23,7 +26,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let source = input::scene(&arguments.scene)?;
+    let source = input::scene(&arguments.scene, arguments.detail_level)?;
     let mut scene = Scene::default();
     scene.apply(&source.edits)?;
     if arguments.motion {
@@ -100,6 +103,8 @@ fn json(name: &str, scene: &Scene, source: &Source) -> Value {
         "triangles": s.triangles,
         "instanced_triangles": s.instanced_triangles,
         "vertices": s.vertices,
+        "spheres": s.spheres,
+        "cones": s.cones,
         "geometries": scene.geometries().len(),
         "objects": scene.objects().len(),
         "instances": scene.instances().len(),
@@ -122,6 +127,7 @@ fn table(scene: &Scene, source: &Source) -> String {
     let mut lines = vec![
         format!("triangles     {} ({} with instances)", s.triangles, s.instanced_triangles),
         format!("vertices      {}", s.vertices),
+        format!("quadrics      {} spheres, {} cones", s.spheres, s.cones),
         format!("objects       {}", scene.objects().len()),
         format!("instances     {}, {} deep", scene.instances().len(), s.depth),
         format!("materials     {}", scene.materials().len()),

@@ -16,11 +16,11 @@ pub(super) struct Source {
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
-/// Reads a scene: a built-in one by its name, else a file.
+/// Reads a scene: a built-in one by its name, else a file. `detail_level` is that of [`Limits`].
 ///
 /// # Errors
 /// When there is neither, or the file cannot be loaded.
-pub(super) fn scene(name: &str) -> Result<Source, Failure> {
+pub(super) fn scene(name: &str, detail_level: Option<u32>) -> Result<Source, Failure> {
     if let Some(edits) = builtin::build(name) {
         return Ok(Source { edits, timeline: builtin::timeline(name), diagnostics: Vec::new() });
     }
@@ -30,7 +30,8 @@ pub(super) fn scene(name: &str) -> Result<Source, Failure> {
         return Err(Failure::new(format!("there is no file `{name}` and no built-in scene of that name"))
             .with_help(format!("the built-in scenes are {}", names.join(", "))));
     }
-    let loaded = console::with_progress("loading", move |_| Ok(load(&path, &Limits::default())?))?;
+    let limits = Limits { detail_level, ..Limits::default() };
+    let loaded = console::with_progress("loading", move |_| Ok(load(&path, &limits)?))?;
     Ok(Source { edits: loaded.edits, timeline: loaded.timeline, diagnostics: loaded.diagnostics })
 }
 

@@ -28,6 +28,9 @@ pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     #[arg(default_value = "atrium")]
     scene: String,
+    /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
+    #[arg(long, value_name = "N")]
+    detail_level: Option<u32>,
     /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance, .apng plays all frames
     #[arg(short, long, value_name = "FILE")]
     output: output::Target,
@@ -162,7 +165,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(Failure::usage("an animated picture has no room for planes")
             .with_help("write numbered files: `-o NAME.exr`, with `--animate NAME.apng` for the animation"));
     }
-    let source = input::scene(&arguments.scene)?;
+    let source = input::scene(&arguments.scene, arguments.detail_level)?;
     input::show(&source.diagnostics);
     let mut edits = source.edits;
     edits.extend(environment(arguments.environment.as_ref())?);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use heliostat::scene::{Geometry, Image, ObjectId, Pixels, Scene};
+use heliostat::scene::{Geometry, Image, ObjectId, Pixels, Quadric, Scene};
 
 /// Sizes of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -11,6 +11,9 @@ pub(super) struct Statistics {
     /// Triangles and vertices of all geometries, each once.
     pub(super) triangles: u64,
     pub(super) vertices: u64,
+    /// Analytic shapes of all geometries, each once.
+    pub(super) spheres: u64,
+    pub(super) cones: u64,
     /// Triangles of all visible placements.
     pub(super) instanced_triangles: u64,
     /// Those among them that emit light.
@@ -59,15 +62,31 @@ impl Statistics {
             contents.insert(id, content);
         }
         let world = placed(None, &contents);
+        let [spheres, cones] = shapes(scene);
         Self {
             triangles: meshes().map(|mesh| mesh.indices.len() as u64).sum(),
             vertices: meshes().map(|mesh| mesh.positions.len() as u64).sum(),
+            spheres,
+            cones,
             instanced_triangles: world.triangles,
             emissive_triangles: world.emissive,
             depth: world.depth,
             texture_bytes: texture_bytes(scene),
         }
     }
+}
+
+/// Spheres and cones of all geometries.
+fn shapes(scene: &Scene) -> [u64; 2] {
+    let mut counts = [0; 2];
+    for geometry in scene.geometries().values() {
+        if let Geometry::Quadrics(quadrics) = geometry {
+            for shape in &quadrics.shapes {
+                counts[usize::from(matches!(shape, Quadric::Cone { .. }))] += 1;
+            }
+        }
+    }
+    counts
 }
 
 fn texture_bytes(scene: &Scene) -> u64 {
@@ -97,6 +116,8 @@ mod tests {
         let lamp = builder.material(Material::emitter("lamp", Vec3::ONE));
         let quad = builder.mesh(Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y));
         let leaf = builder.object("leaf", [(quad, lamp)]);
+        let cone = Quadric::Cone { base: Vec3::ZERO, base_radius: 1.0, apex: Vec3::Y, apex_radius: 0.0 };
+        builder.quadrics(vec![cone, Quadric::Sphere { center: Vec3::ZERO, radius: 1.0 }, cone]);
         let pair = builder.object("pair", []);
         for _ in 0..2 {
             builder.child(pair, leaf, Affine3A::IDENTITY);
@@ -109,6 +130,8 @@ mod tests {
         let expected = Statistics {
             triangles: 2,
             vertices: 4,
+            spheres: 1,
+            cones: 2,
             instanced_triangles: 12,
             emissive_triangles: 12,
             depth: 2,
