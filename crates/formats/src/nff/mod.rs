@@ -20,8 +20,8 @@
 //! - `T` above 0 is glass of the index given, without `Ks`: it passes `rgb · T` and scatters `rgb · Kd`. With an index of
 //!   at most 1 it is a thin sheet.
 //! - A light without colour has one of 1/√n, n being the number of lights. Lights shine alike at any distance
-//!   ([`LightKind::ConstantPoint`](heliostat_scene::LightKind::ConstantPoint)); a colour of 1 shows a white surface that
-//!   faces the light as 1, for which it takes an irradiance of π.
+//!   ([`LightKind::ConstantPoint`]); a colour of 1 shows a white surface that faces the light as 1, for which it takes an
+//!   irradiance of π.
 //! - The background is an environment of this radiance: it is seen, and it gives light.
 //!
 //! # References
