@@ -115,7 +115,7 @@ impl Quadric {
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         let bounds = match *self {
-            Self::Sphere { radius, .. } if radius == 0.0 => return Aabb::EMPTY,
+            Self::Sphere { radius: 0.0, .. } => return Aabb::EMPTY,
             Self::Sphere { center, radius } => Aabb::new(center - radius.abs(), center + radius.abs()),
             Self::Cone { base, base_radius, apex, apex_radius } => {
                 let Some([axis, ..]) = cone_axes(base, apex) else { return Aabb::EMPTY };
