@@ -273,7 +273,11 @@ fn batches_find_what_single_rays_find() {
         assert_eq!(occluded, alone.is_hit(), "{ray:?}");
         if alone.is_hit() {
             found += 1;
-            assert!((hit.t - alone.t).abs() <= 1.0e-5 * alone.t, "{hit:?} {alone:?}");
+            // As for the oracle: positions are rounded, and the plane is met farther off the flatter the ray comes in.
+            let length = ray.direction.length();
+            let cosine = (hit.ng.dot(ray.direction) / length).abs().max(1.0e-3);
+            let along = 2.0e-6 * 4.0 / cosine / length + alone.t * 4.0e-7;
+            assert!((hit.t - alone.t).abs() <= along, "{hit:?} {alone:?}");
             assert!(hit.ng.dot(alone.ng) > 0.9999, "{hit:?} {alone:?}");
         }
     }
