@@ -235,7 +235,7 @@ fn bundles_stay_together_through_instances() {
             inner(&[soup(&mut rng, 40, 1.0, 0.9, Vec3::ZERO)]),
             inner(&[soup(&mut rng, 4, 1.0, 0.9, Vec3::ZERO), soup(&mut rng, 6, 1.0, 0.9, Vec3::ZERO)]),
         ];
-        let mut many = |rng: &mut Rng, leaves: &[Arc<Object>], own: MakeObject, spread: f32| {
+        let many = |rng: &mut Rng, leaves: &[Arc<Object>], own: MakeObject, spread: f32| {
             let tree = own(&[soup(rng, 5, 2.0, 0.5, Vec3::ZERO)]);
             let children = (0..9).map(|i| {
                 let mut place = placement(rng, i);
