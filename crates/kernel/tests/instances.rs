@@ -2,7 +2,7 @@
 mod common;
 use std::{collections::HashSet, sync::Arc};
 
-use common::{ACCELERATORS, MakeObject, Rng, check_all, kd_object, object, rays, soup, tiles};
+use common::{ACCELERATORS, MakeObject, Rng, check_all, hunt, kd_object, object, rays, soup, tiles};
 use heliostat_kernel::{
     BuildError, Hit, Instance, MAX_INSTANCE_DEPTH, Mesh, Object, PathId, Ray, RayQuery, World,
     glam::{Affine3A, Mat3, Quat, Vec3},
@@ -208,4 +208,78 @@ fn limits_are_errors_that_name_the_instance() {
     World::new(node).intersect(&[Ray::new(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z)], &mut hits);
     assert_eq!(hits[0].t, 1.0);
     assert_eq!(hits[0].path, PathId(64));
+}
+
+/// Rays that begin close to each other and go much the same way, as those towards a light do.
+fn bundles(rng: &mut Rng, count: usize, scale: f32) -> Vec<Ray> {
+    let mut rays = Vec::new();
+    for bundle in 0..count {
+        let origin = rng.vec() * scale * 1.5;
+        let target = rng.vec() * scale * 0.5;
+        let spread = [0.02, 0.2, 1.0][bundle % 3] * scale;
+        for _ in 0..48 {
+            let origin = origin + rng.vec() * spread;
+            let direction = target + rng.vec() * spread - origin;
+            let t_max = if bundle % 2 == 0 { f32::INFINITY } else { 0.5 + rng.unit() };
+            rays.push(Ray { t_max, ..Ray::new(origin, direction) });
+        }
+    }
+    rays
+}
+
+#[test]
+fn bundles_stay_together_through_instances() {
+    for (round, [outer, inner]) in (0..hunt(1)).flat_map(|round| PAIRS.map(|pair| (round, pair))) {
+        let mut rng = Rng::new(36 + round);
+        let leaves = [
+            inner(&[soup(&mut rng, 40, 1.0, 0.9, Vec3::ZERO)]),
+            inner(&[soup(&mut rng, 4, 1.0, 0.9, Vec3::ZERO), soup(&mut rng, 6, 1.0, 0.9, Vec3::ZERO)]),
+        ];
+        let many = |rng: &mut Rng, leaves: &[Arc<Object>], own: MakeObject, spread: f32| {
+            let tree = own(&[soup(rng, 5, 2.0, 0.5, Vec3::ZERO)]);
+            let children = (0..9).map(|i| {
+                let mut place = placement(rng, i);
+                place.translation *= spread;
+                instance(&leaves[i % leaves.len()], place, i as u32)
+            });
+            let children = children.collect();
+            Arc::new(Object::new(tree.triangles().cloned(), children).expect("valid"))
+        };
+        let middle = many(&mut rng, &leaves, inner, 3.0);
+        let root = many(&mut rng, &[middle, leaves[0].clone()], outer, 6.0);
+        check_all(&root, &bundles(&mut rng, 12, 4.0), &[], 2.0e-6 * 10.0 * 24.0);
+    }
+}
+
+#[test]
+fn batches_find_what_single_rays_find() {
+    let mut rng = Rng::new(37);
+    let leaf = object(&[soup(&mut rng, 60, 1.0, 0.5, Vec3::ZERO)]);
+    let children = (0..40).map(|i| instance(&leaf, placement(&mut rng, i), i as u32)).collect();
+    let world = World::new(Arc::new(Object::new(None, children).expect("valid")));
+    let mut rays = bundles(&mut rng, 60, 2.0);
+    // Rays that hit nothing stay out of packets and leave their neighbours alone.
+    rays.iter_mut().step_by(7).for_each(|ray| ray.direction = Vec3::ZERO);
+    let (mut hits, mut occluded) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+    world.intersect(&rays, &mut hits);
+    world.occluded(&rays, &mut occluded);
+    let mut found = 0;
+    for ((ray, hit), occluded) in rays.iter().zip(&hits).zip(occluded) {
+        let mut alone = [Hit::MISS];
+        world.intersect(std::slice::from_ref(ray), &mut alone);
+        let [alone] = alone;
+        // The rays below are the same bit for bit, so the triangles tested are; their distances differ by rounding.
+        assert_eq!((hit.path, hit.primitive), (alone.path, alone.primitive), "{ray:?}");
+        assert_eq!(occluded, alone.is_hit(), "{ray:?}");
+        if alone.is_hit() {
+            found += 1;
+            // As for the oracle: positions are rounded, and the plane is met farther off the flatter the ray comes in.
+            let length = ray.direction.length();
+            let cosine = (hit.ng.dot(ray.direction) / length).abs().max(1.0e-3);
+            let along = 2.0e-6 * 4.0 / cosine / length + alone.t * 4.0e-7;
+            assert!((hit.t - alone.t).abs() <= along, "{hit:?} {alone:?}");
+            assert!(hit.ng.dot(alone.ng) > 0.9999, "{hit:?} {alone:?}");
+        }
+    }
+    assert!(found > 300, "{found}");
 }

@@ -2,17 +2,16 @@
 use fearless_simd::{Level, Simd};
 
 use super::{
+    descent::{self, Answers, Scratch},
     instances,
     local::LocalRay,
-    packet::{Packet, Visit},
-    settle::{LANES, Lanes, MeshOf},
+    packet::Packet,
+    settle::LANES,
     stack::Stack,
 };
 use crate::{
     object::Object,
     ray::{Hit, PathId, Ray},
-    triangle_bvh::TriangleBvh,
-    triangles::Triangles,
 };
 
 /// Rays taken up together, to be sorted into packets.
@@ -22,97 +21,82 @@ const FEW_RAYS: usize = 4;
 
 #[inline(always)]
 pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
-    let mut stack = Stack::new();
-    let Some(bvh) = flat(simd, root, rays.len()) else {
+    if !in_packets(simd, root, rays.len()) {
+        let mut stack = Stack::new();
         for (ray, hit) in rays.iter().zip(hits) {
             *hit = closest(simd, root, ray, &mut stack);
         }
         return;
-    };
-    let mut packets = Packets::new();
-    let mut mesh = MeshOf::default();
+    }
+    let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
     for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
         hits.fill(Hit::MISS);
         let sorted = Octants::sort(rays, hits.len());
-        for octant in 0..8 {
-            for indices in sorted.rays_of(octant).chunks(LANES) {
-                packets.load(rays, indices);
-                packets.packet.trace::<S, false>(simd, bvh, octant, &mut packets.visits, &mut stack);
-                let words = packets.packet.hits(simd, bvh, &packets.t_end, &mut mesh);
-                for (lane, &index) in indices.iter().enumerate() {
-                    if packets.packet.id[lane] != Packet::NONE {
-                        hits[usize::from(index)] = words.hit(lane, PathId::ROOT);
-                    }
-                }
-            }
+        for indices in sorted.packets() {
+            let mut answers = Answers { hits, index: [0; LANES] };
+            answers.index[..indices.len()].copy_from_slice(indices);
+            load(&mut packet, rays, indices);
+            let lanes = packet.lanes();
+            descent::through::<S, false>(
+                simd,
+                root,
+                PathId::ROOT,
+                &mut packet,
+                lanes,
+                &mut answers,
+                &mut scratch,
+            );
         }
     }
 }
 
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: &mut [bool]) {
-    let mut stack = Stack::new();
-    let Some(bvh) = flat(simd, root, rays.len()) else {
+    if !in_packets(simd, root, rays.len()) {
+        let mut stack = Stack::new();
         for (ray, out) in rays.iter().zip(occluded) {
             *out = any(simd, root, ray, &mut stack);
         }
         return;
-    };
-    let mut packets = Packets::new();
+    }
+    let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
+    let mut answers = Answers { hits: &mut [], index: [0; LANES] };
     for (rays, occluded) in rays.chunks(BATCH).zip(occluded.chunks_mut(BATCH)) {
         occluded.fill(false);
         let sorted = Octants::sort(rays, occluded.len());
-        for octant in 0..8 {
-            for indices in sorted.rays_of(octant).chunks(LANES) {
-                packets.load(rays, indices);
-                packets.packet.trace::<S, true>(simd, bvh, octant, &mut packets.visits, &mut stack);
-                for (&index, &id) in indices.iter().zip(&packets.packet.id) {
-                    occluded[usize::from(index)] = id != Packet::NONE;
-                }
+        for indices in sorted.packets() {
+            load(&mut packet, rays, indices);
+            let lanes = packet.lanes();
+            let found = descent::through::<S, true>(
+                simd,
+                root,
+                PathId::ROOT,
+                &mut packet,
+                lanes,
+                &mut answers,
+                &mut scratch,
+            );
+            for (lane, &index) in indices.iter().enumerate() {
+                occluded[usize::from(index)] = found >> lane & 1 == 1;
             }
         }
     }
 }
 
-/// The tree to send packets through, if that can pay: several rays, vectors, no instances, and nothing that moves.
+/// Whether packets can pay: several rays, vectors, and nothing that moves.
 #[inline(always)]
-fn flat<S: Simd>(simd: S, root: &Object, rays: usize) -> Option<&TriangleBvh> {
-    let packets = rays >= FEW_RAYS && !matches!(simd.level(), Level::Fallback(_));
-    match &root.triangles {
-        Some(Triangles::Bvh(bvh))
-            if packets
-                && root.instance_tree.wide.is_empty()
-                && root.quadrics.is_none()
-                && !bvh.has_motion() =>
-        {
-            Some(bvh)
-        }
-        _ => None,
-    }
+fn in_packets<S: Simd>(simd: S, root: &Object, rays: usize) -> bool {
+    let vectors = !matches!(simd.level(), Level::Fallback(_));
+    rays >= FEW_RAYS && vectors && !root.has_motion() && descent::takes_packets(root)
 }
 
-/// Buffers for packets.
-struct Packets {
-    packet: Packet,
-    /// Where each ray ends.
-    t_end: Lanes,
-    visits: Vec<Visit>,
-}
-
-impl Packets {
-    fn new() -> Self {
-        Self { packet: Packet::EMPTY, t_end: [0.0; LANES], visits: Vec::with_capacity(64) }
-    }
-
-    /// Takes up rays known to be valid.
-    #[inline(always)]
-    fn load(&mut self, rays: &[Ray], indices: &[u8]) {
-        self.packet.clear();
-        for &index in indices {
-            let ray = &rays[usize::from(index)];
-            self.packet.push(&LocalRay::unchecked(ray), ray.t_max);
-        }
-        self.t_end = self.packet.t_max;
+/// Takes up rays known to be valid.
+#[inline(always)]
+fn load(packet: &mut Packet, rays: &[Ray], indices: &[u8]) {
+    packet.clear();
+    for &index in indices {
+        let ray = &rays[usize::from(index)];
+        packet.push(&LocalRay::unchecked(ray), ray.t_max);
     }
 }
 
@@ -146,6 +130,12 @@ impl Octants {
             }
         }
         Self { indices, ends }
+    }
+
+    /// Up to 16 rays at a time, none of two octants.
+    #[inline(always)]
+    fn packets(&self) -> impl Iterator<Item = &[u8]> {
+        (0..8).flat_map(|octant| self.rays_of(octant).chunks(LANES))
     }
 
     #[inline(always)]

@@ -126,11 +126,30 @@ fn closest_instance<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let nodes = &object.instance_tree.wide.nodes[..];
     let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
+    closest_instance_below(simd, object, ray, &slab, Child::inner(0), path, hit, stack)
+}
+
+/// The closest hit in the instances of the subtree `start`; the rest as in [`closest`].
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a ray set up for boxes, where it begins, and where the answer goes"
+)]
+#[inline(always)]
+pub(super) fn closest_instance_below<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    slab: &Slab<S>,
+    start: Child,
+    path: PathId,
+    hit: &mut Hit,
+    stack: &mut Stack,
+) -> bool {
+    let nodes = &object.instance_tree.wide.nodes[..];
     let mark = stack.mark();
     let mut found = false;
-    let mut current = Child::inner(0);
+    let mut current = start;
     loop {
         if current.is_leaf() {
             let placed = &object.instances[current.payload() as usize];
@@ -220,11 +239,25 @@ pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32,
 
 #[inline(always)]
 fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
-    let nodes = &object.instance_tree.wide.nodes[..];
     let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
+    any_instance_below(simd, object, ray, &slab, Child::inner(0), t_max, stack)
+}
+
+/// As [`any`], for the instances of the subtree `start`.
+#[inline(always)]
+pub(super) fn any_instance_below<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    slab: &Slab<S>,
+    start: Child,
+    t_max: f32,
+    stack: &mut Stack,
+) -> bool {
+    let nodes = &object.instance_tree.wide.nodes[..];
     let limit = f32x8::splat(simd, t_max);
     let mark = stack.mark();
-    let mut current = Child::inner(0);
+    let mut current = start;
     loop {
         if current.is_leaf() {
             let placed = &object.instances[current.payload() as usize];

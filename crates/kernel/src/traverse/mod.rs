@@ -1,5 +1,7 @@
 //! Traversal: the entry points, each of which chooses the instruction set once per tile or batch.
+mod ahead;
 mod batch;
+mod descent;
 mod finish;
 mod instances;
 mod local;

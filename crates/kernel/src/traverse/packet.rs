@@ -1,12 +1,15 @@
 //! Sixteen rays in lanes through one tree of triangles, whatever their origins: for the reflections, the refractions
-//! and the short rays of neighbouring pixels.
+//! and the short rays of neighbouring pixels. (`descent` takes them through trees of instances.)
 //!
 //! Lanes stay together while it pays: where only a few want a subtree, each goes on alone, 8 boxes at a time [Benthin,
 //! Wald, Woop, Ernst and Mark 2012, "Combining single and packet-ray tracing for arbitrary ray distributions"]. So
 //! unrelated rays lose nothing: they share the top of the tree and part below it.
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
+use glam::Affine3A;
+
 use super::{
+    ahead::Leaves,
     local::LocalRay,
     settle::{self, Gathered, LANES, Lanes, MeshOf, Projection, Triple, Words},
     shear::Shear,
@@ -16,7 +19,7 @@ use super::{
 };
 use crate::{
     layout::{Block, Child, Node, WIDTH},
-    triangle_bvh::TriangleBvh,
+    triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
 /// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
@@ -26,8 +29,9 @@ const MANY: u32 = 7;
 /// The same if the lanes' largest axes differ.
 const MANY_UNLIKE: u32 = 10;
 
-/// Up to 16 rays of one sign octant, set up for box and triangle tests.
+/// Up to 16 rays, set up for box and triangle tests.
 #[repr(C, align(64))]
+#[derive(Clone)]
 pub(super) struct Packet {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
@@ -39,14 +43,14 @@ pub(super) struct Packet {
     inverse: [Lanes; 3],
     near_shift: [Lanes; 3],
     far_shift: [Lanes; 3],
+    /// Bits of the lanes whose direction is negative along each axis.
+    negative: [u16; 3],
     /// Triangle test: the largest component's axis, the origin with that axis last, and the shear.
     axis: [u32; LANES],
     sheared_origin: [Lanes; 3],
     shear: [Lanes; 3],
     /// Bits of the lanes whose largest component is x, and of those with y.
     turned: [u16; 2],
-    /// From how many lanes on a leaf is shared.
-    many: u32,
     len: usize,
 }
 
@@ -55,7 +59,14 @@ pub(super) struct Packet {
 #[derive(Clone, Copy)]
 pub(super) struct Visit {
     enter: Lanes,
-    child: Child,
+    pub child: Child,
+}
+
+/// The directions of one sign octant: which of a node's child orders suits them, and which rows of its bounds are near.
+#[derive(Clone, Copy)]
+pub(super) struct Octant {
+    number: usize,
+    pub near: [usize; 3],
 }
 
 impl Packet {
@@ -69,21 +80,26 @@ impl Packet {
         inverse: [[1.0; LANES]; 3],
         near_shift: [[0.0; LANES]; 3],
         far_shift: [[0.0; LANES]; 3],
+        negative: [0; 3],
         axis: [0; LANES],
         sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
         turned: [0; 2],
-        many: MANY,
         len: 0,
     };
 
     pub(super) fn clear(&mut self) {
         self.len = 0;
         self.t_max = [-1.0; LANES];
-        self.id = [Self::NONE; LANES];
     }
 
-    /// Adds a ray; the caller keeps to 16 rays of one octant.
+    /// Bits of the lanes that hold rays.
+    #[inline(always)]
+    pub(super) fn lanes(&self) -> u16 {
+        ((1_u32 << self.len) - 1) as u16
+    }
+
+    /// Adds a ray; the caller keeps to 16 rays.
     #[inline(always)]
     pub(super) fn push(&mut self, ray: &LocalRay, t_max: f32) {
         let lane = self.len & (LANES - 1);
@@ -94,34 +110,91 @@ impl Packet {
         self.len = lane + 1;
     }
 
-    /// Finds the closest hit of each ray, or with `ANY` some hit; returns nothing, the answers are in `id` and `t_max`.
+    /// The ray in a lane, of a world in which nothing moves.
+    #[inline(always)]
+    pub(super) fn ray(&self, lane: usize) -> LocalRay {
+        LocalRay {
+            origin: column(&self.origin, lane).into(),
+            direction: column(&self.direction, lane).into(),
+            t_min: self.t_min[lane & (LANES - 1)],
+            time: 0.0,
+        }
+    }
+
+    /// Takes over the rays of another packet, carried into another space; of the lanes in `bits`, returns those that stay
+    /// in the usable range. Operation by operation [`LocalRay::transformed`].
+    #[inline(always)]
+    pub(super) fn carry<S: Simd>(&mut self, simd: S, from: &Self, map: &Affine3A, bits: u16) -> u16 {
+        let (x, y, z) = (map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis);
+        let [ox, oy, oz] = load(simd, &from.origin);
+        let [dx, dy, dz] = load(simd, &from.direction);
+        let mut largest = f32x16::splat(simd, 0.0);
+        let mut usable = mask32x16::from_bitmask(simd, u64::from(bits));
+        let limit = f32x16::splat(simd, MAX_COORDINATE);
+        let longest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.end());
+        for axis in 0..3 {
+            let origin = ((ox * x[axis] + oy * y[axis]) + oz * z[axis]) + map.translation[axis];
+            let direction = (dx * x[axis] + dy * y[axis]) + dz * z[axis];
+            // Comparisons are false for NaN; a maximum alone might drop one.
+            usable = usable & origin.abs().simd_le(limit) & direction.abs().simd_le(longest);
+            largest = largest.max(direction.abs());
+            self.origin[axis] = origin.into();
+            self.direction[axis] = direction.into();
+        }
+        (self.t_min, self.t_max) = (from.t_min, from.t_max);
+        let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
+        (usable & largest.simd_ge(shortest)).to_bitmask() as u16
+    }
+
+    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit; the answers are in `id` and `t_max`. Returns
+    /// the lanes that have one.
     #[inline(always)]
     pub(super) fn trace<S: Simd, const ANY: bool>(
         &mut self,
         simd: S,
         bvh: &TriangleBvh,
-        octant: usize,
+        bits: u16,
+        visits: &mut Vec<Visit>,
+        stack: &mut Stack,
+    ) -> u16 {
+        if bvh.tree.is_empty() {
+            return 0;
+        }
+        self.id = [Self::NONE; LANES];
+        self.prepare_boxes(simd, bvh.tree.extent);
+        self.prepare_triangles(simd);
+        let mut rest = bits;
+        while rest != 0 {
+            let (octant, alike) = self.octant(rest);
+            rest &= !alike;
+            self.trace_octant::<S, ANY>(simd, bvh, octant, alike, visits, stack);
+        }
+        let none = u32x16::splat(simd, Self::NONE);
+        !(u32x16::load_array_ref(simd, &self.id).simd_eq(none).to_bitmask() as u16)
+    }
+
+    #[inline(always)]
+    fn trace_octant<S: Simd, const ANY: bool>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        octant: Octant,
+        bits: u16,
         visits: &mut Vec<Visit>,
         stack: &mut Stack,
     ) {
-        if bvh.tree.is_empty() {
-            return;
-        }
-        self.prepare(simd, bvh.tree.extent);
         let nodes = bvh.tree.view();
-        let near = [0, 1, 2].map(|axis| axis + 3 * (octant >> axis & 1));
+        let many = self.many(bits);
         let mark = visits.len();
-        visits.push(Visit { enter: self.t_min, child: Child::inner(0) });
+        visits.push(self.root(simd, bits));
         while visits.len() > mark {
             let Some(visit) = visits.pop() else { return };
-            let enter = f32x16::load_array_ref(simd, &visit.enter);
-            let t_max = f32x16::load_array_ref(simd, &self.t_max);
-            let wanting = enter.simd_lt(t_max);
+            let wanting = self.wanting(simd, &visit);
             let bits = wanting.to_bitmask() as u16;
             if bits == 0 {
                 continue;
             }
-            if visit.child.is_leaf() && bits.count_ones() >= self.many {
+            if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
                     self.together::<S, ANY>(simd, bvh, block, bits);
@@ -129,27 +202,74 @@ impl Packet {
                 continue;
             }
             if bits.count_ones() <= FEW || visit.child.is_leaf() {
-                self.alone::<S, ANY>(simd, bvh, visit.child, bits, near, stack);
+                self.alone::<S, ANY>(simd, bvh, visit.child, bits, octant.near, stack);
                 continue;
             }
             let mut place = None;
             let node = nodes.get(simd, visit.child.0 as usize, &mut place);
-            let order = node.order[octant & 7];
-            for rank in (0..WIDTH).rev() {
-                let lane = (order >> (3 * rank) & 7) as usize;
-                let child = node.child[lane];
-                if child == Child::NONE {
-                    continue;
+            self.open(simd, node, &bvh.blocks(), octant, wanting, visits);
+        }
+    }
+
+    /// The octant of the first lane in `bits` (not empty), and the lanes among them that share it.
+    #[inline(always)]
+    pub(super) fn octant(&self, bits: u16) -> (Octant, u16) {
+        let first = bits.trailing_zeros() & 15;
+        let (mut number, mut near, mut alike) = (0, [0, 1, 2], bits);
+        for (axis, (&negative, near)) in self.negative.iter().zip(&mut near).enumerate() {
+            if negative >> first & 1 == 1 {
+                number |= 1 << axis;
+                *near += 3;
+                alike &= negative;
+            } else {
+                alike &= !negative;
+            }
+        }
+        (Octant { number, near }, alike)
+    }
+
+    /// The root of a tree, wanted by the lanes in `bits`.
+    #[inline(always)]
+    pub(super) fn root<S: Simd>(&self, simd: S, bits: u16) -> Visit {
+        let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
+        let start = f32x16::load_array_ref(simd, &self.t_min);
+        let enter = wanted.select(start, f32x16::splat(simd, f32::INFINITY));
+        Visit { enter: enter.into(), child: Child::inner(0) }
+    }
+
+    /// The lanes that enter a subtree before they end.
+    #[inline(always)]
+    pub(super) fn wanting<S: Simd>(&self, simd: S, visit: &Visit) -> mask32x16<S> {
+        f32x16::load_array_ref(simd, &visit.enter).simd_lt(f32x16::load_array_ref(simd, &self.t_max))
+    }
+
+    /// Pushes the children of a node that some of the `wanting` lanes meet, far ones first.
+    #[inline(always)]
+    pub(super) fn open<S: Simd>(
+        &self,
+        simd: S,
+        node: &Node,
+        leaves: &(impl Leaves + ?Sized),
+        octant: Octant,
+        wanting: mask32x16<S>,
+        visits: &mut Vec<Visit>,
+    ) {
+        let t_max = f32x16::load_array_ref(simd, &self.t_max);
+        let order = node.order[octant.number & 7];
+        for rank in (0..WIDTH).rev() {
+            let lane = (order >> (3 * rank) & 7) as usize;
+            let child = node.child[lane];
+            if child == Child::NONE {
+                continue;
+            }
+            let (enter, met) = self.meet(simd, node, lane, octant.near, t_max);
+            let met = met & wanting;
+            if met.to_bitmask() != 0 {
+                if child.is_leaf() {
+                    leaves.prefetch(child);
                 }
-                let (enter, met) = self.meet(simd, node, lane, near, t_max);
-                let met = met & wanting;
-                if met.to_bitmask() != 0 {
-                    if child.is_leaf() {
-                        bvh.blocks().prefetch(child.block_range().0);
-                    }
-                    let enter = met.select(enter, f32x16::splat(simd, f32::INFINITY));
-                    visits.push(Visit { enter: enter.into(), child });
-                }
+                let enter = met.select(enter, f32x16::splat(simd, f32::INFINITY));
+                visits.push(Visit { enter: enter.into(), child });
             }
         }
     }
@@ -298,7 +418,7 @@ impl Packet {
     }
 
     #[inline(always)]
-    fn slab_of<S: Simd>(&self, simd: S, lane: usize, near: [usize; 3]) -> Slab<S> {
+    pub(super) fn slab_of<S: Simd>(&self, simd: S, lane: usize, near: [usize; 3]) -> Slab<S> {
         let inverse = column(&self.inverse, lane);
         let (start, end) = (column(&self.near_shift, lane), column(&self.far_shift, lane));
         Slab::splat(simd, inverse, start, end, near, self.t_min[lane])
@@ -310,12 +430,20 @@ impl Packet {
         Shear::splat(simd, self.axis[lane] as usize, origin, shear, self.t_min[lane])
     }
 
-    /// What [`Slab::new`] and [`Shear::new`] do, for all lanes.
+    /// From how many lanes on a leaf is shared.
     #[inline(always)]
-    fn prepare<S: Simd>(&mut self, simd: S, extent: [f32; 3]) {
+    fn many(&self, used: u16) -> u32 {
+        let alike = self.turned.iter().any(|turned| used & !turned == 0)
+            || used & (self.turned[0] | self.turned[1]) == 0;
+        if alike { MANY } else { MANY_UNLIKE }
+    }
+
+    /// What [`Slab::new`] does, for all lanes.
+    #[inline(always)]
+    pub(super) fn prepare_boxes<S: Simd>(&mut self, simd: S, extent: [f32; 3]) {
         let o = load(simd, &self.origin);
         let d = load(simd, &self.direction);
-        let one = f32x16::splat(simd, 1.0);
+        let (one, zero) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 0.0));
         let a = [d[0].abs(), d[1].abs(), d[2].abs()];
         let reach = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let reach = reach.max(f32x16::splat(simd, extent[0].max(extent[1]).max(extent[2])));
@@ -326,7 +454,17 @@ impl Packet {
             self.inverse[axis] = inverse.into();
             self.near_shift[axis] = o[axis].mul_add(inverse, pad).into();
             self.far_shift[axis] = o[axis].mul_sub(inverse, pad).into();
+            self.negative[axis] = inverse.simd_lt(zero).to_bitmask() as u16;
         }
+    }
+
+    /// What [`Shear::new`] does, for all lanes.
+    #[inline(always)]
+    fn prepare_triangles<S: Simd>(&mut self, simd: S) {
+        let o = load(simd, &self.origin);
+        let d = load(simd, &self.direction);
+        let one = f32x16::splat(simd, 1.0);
+        let a = [d[0].abs(), d[1].abs(), d[2].abs()];
         let x_is_largest = a[0].simd_gt(a[1]) & a[0].simd_gt(a[2]);
         let y_is_largest = !x_is_largest & a[1].simd_gt(a[2]);
         let turned = turn(d, x_is_largest, y_is_largest);
@@ -337,10 +475,6 @@ impl Packet {
         let axis = x_is_largest.select(zero, axis);
         self.axis = axis.into();
         self.turned = [x_is_largest.to_bitmask() as u16, y_is_largest.to_bitmask() as u16];
-        let used = ((1_u32 << self.len) - 1) as u16;
-        let alike = self.turned.iter().any(|turned| used & !turned == 0)
-            || used & (self.turned[0] | self.turned[1]) == 0;
-        self.many = if alike { MANY } else { MANY_UNLIKE };
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }

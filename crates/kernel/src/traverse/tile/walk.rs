@@ -8,10 +8,10 @@ use super::{
     leaf::rays_in_box,
     work::{Face, GROUP, Work},
 };
+use crate::traverse::ahead::Leaves;
 use crate::{
     build::wide::WideTree,
-    layout::{Block, Child, Node},
-    object::PlacedInstance,
+    layout::{Child, Node},
     prefetch::prefetch,
 };
 
@@ -140,29 +140,6 @@ pub(super) fn meet<S: Simd>(
     let above = (v1 * near).max(v1 * far).simd_ge(f32x16::splat(simd, range.v[0] - slack));
     let below = (v0 * near).min(v0 * far).simd_le(f32x16::splat(simd, range.v[1] + slack));
     (right & left) & (above & below)
-}
-
-/// What the leaves of a tree stand for: fetched ahead when a visit is put on the stack.
-pub(super) trait Leaves {
-    fn prefetch(&self, leaf: Child);
-}
-
-impl Leaves for [Block] {
-    #[inline(always)]
-    fn prefetch(&self, leaf: Child) {
-        let (first, end) = leaf.block_range();
-        prefetch(self, first);
-        if end > first + 1 {
-            prefetch(self, first + 1);
-        }
-    }
-}
-
-impl Leaves for [PlacedInstance] {
-    #[inline(always)]
-    fn prefetch(&self, leaf: Child) {
-        prefetch(self, leaf.payload() as usize);
-    }
 }
 
 /// Goes on to the next leaf that some group still wants, or `None` at the end. The caller has pushed the root.
