@@ -6,12 +6,14 @@ use super::{
     instances,
     local::LocalRay,
     packet::Packet,
-    settle::LANES,
+    settle::{LANES, MeshOf},
     stack::Stack,
 };
 use crate::{
     object::Object,
     ray::{Hit, PathId, Ray},
+    triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// Rays taken up together, to be sorted into packets.
@@ -29,9 +31,24 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         return;
     }
     let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
+    let mut mesh = MeshOf::default();
     for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
         hits.fill(Hit::MISS);
         let sorted = Octants::sort(rays, hits.len());
+        if let Some(bvh) = flat(root) {
+            for indices in sorted.packets() {
+                load(&mut packet, rays, indices);
+                let (t_end, lanes) = (packet.t_max, packet.lanes());
+                packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
+                let words = packet.hits(simd, bvh, &t_end, &mut mesh);
+                for (lane, &index) in indices.iter().enumerate() {
+                    if packet.id[lane] != Packet::NONE {
+                        hits[usize::from(index)] = words.hit(lane, PathId::ROOT);
+                    }
+                }
+            }
+            continue;
+        }
         for indices in sorted.packets() {
             let mut answers = Answers { hits, index: [0; LANES] };
             answers.index[..indices.len()].copy_from_slice(indices);
@@ -64,6 +81,17 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
     for (rays, occluded) in rays.chunks(BATCH).zip(occluded.chunks_mut(BATCH)) {
         occluded.fill(false);
         let sorted = Octants::sort(rays, occluded.len());
+        if let Some(bvh) = flat(root) {
+            for indices in sorted.packets() {
+                load(&mut packet, rays, indices);
+                let lanes = packet.lanes();
+                packet.trace::<S, true>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
+                for (&index, &id) in indices.iter().zip(&packet.id) {
+                    occluded[usize::from(index)] = id != Packet::NONE;
+                }
+            }
+            continue;
+        }
         for indices in sorted.packets() {
             load(&mut packet, rays, indices);
             let lanes = packet.lanes();
@@ -88,6 +116,15 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
 fn in_packets<S: Simd>(simd: S, root: &Object, rays: usize) -> bool {
     let vectors = !matches!(simd.level(), Level::Fallback(_));
     rays >= FEW_RAYS && vectors && !root.has_motion() && descent::takes_packets(root)
+}
+
+/// The tree of a root without instances: its packets need no way down and up again.
+#[inline(always)]
+fn flat(root: &Object) -> Option<&TriangleBvh> {
+    match &root.triangles {
+        Some(Triangles::Bvh(bvh)) if root.instance_tree.wide.nodes.is_empty() => Some(bvh),
+        _ => None,
+    }
 }
 
 /// Takes up rays known to be valid.

@@ -37,7 +37,7 @@ impl Answers<'_> {
 
 /// Memory of a query, shared by all levels.
 pub(super) struct Scratch {
-    visits: Vec<Visit>,
+    pub visits: Vec<Visit>,
     pub stack: Stack,
     /// Packets for levels that are not in use.
     #[expect(clippy::vec_box, reason = "they change hands at every instance; 25 cache lines each")]
