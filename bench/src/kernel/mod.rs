@@ -11,7 +11,7 @@ mod plot;
 mod rays;
 mod results;
 pub(crate) mod scenes;
-mod split;
+pub(crate) mod split;
 mod terrain;
 mod twist;
 mod versus;

@@ -13,7 +13,7 @@ struct Part {
 
 /// About `count` meshes that together are `mesh`, in an order that depends on it alone. Parts that share vertex
 /// positions stay together unless they have more than twice their share of the triangles.
-pub(super) fn objects(mesh: &Mesh, count: usize) -> Vec<Mesh> {
+pub(crate) fn objects(mesh: &Mesh, count: usize) -> Vec<Mesh> {
     let most = 2 * mesh.indices.len().div_ceil(count.max(1)).max(1);
     let mut parts = Vec::new();
     for triangles in connected(mesh) {

@@ -4,6 +4,7 @@ mod alternatives;
 mod edits;
 mod grouping;
 mod instancing;
+mod objects;
 mod play;
 
 use std::path::{Path, PathBuf};
@@ -39,6 +40,21 @@ pub(crate) enum Command {
         #[arg(long, default_value_t = 3)]
         runs: usize,
     },
+    /// A scene cut into many placed objects against the same in one tree: frame times without and with shading
+    Objects {
+        /// A file or the name of a built-in scene
+        #[arg(default_value = "conference")]
+        scene: String,
+        /// About how many objects
+        #[arg(long, default_value_t = 500)]
+        count: usize,
+        /// Turn the objects' axes, so that rays must turn, too
+        #[arg(long)]
+        turned: bool,
+        /// Repetitions, of which the median counts
+        #[arg(long, default_value_t = 7)]
+        runs: usize,
+    },
     /// Plays a scene's animation and times update and picture, frame by frame
     Play {
         /// A file or the name of a built-in scene
@@ -61,6 +77,7 @@ pub(crate) fn run(command: &Command) -> Result<(), String> {
         Command::Edits { scene, runs } => edits::run(scene, *runs),
         Command::Grouping(arguments) => grouping::run(arguments),
         Command::Instancing { plot, runs } => instancing::run(plot.as_deref(), *runs),
+        Command::Objects { scene, count, turned, runs } => objects::run(scene, *count, *turned, *runs),
         Command::Play { scene, frames, plot, renderer } => {
             play::run(scene, *frames, renderer, plot.as_deref())
         }
