@@ -173,9 +173,6 @@ impl Compiled {
     }
 }
 
-/// An instance that can be seen is not among those that the kernel has.
-struct NotListed;
-
 /// One pass over the affected objects.
 struct Pass<'a> {
     scene: &'a Scene,
@@ -269,22 +266,27 @@ impl Pass<'_> {
 
     /// What moves make of a holder's instances. `None` if one of those that can be seen was not shown so far.
     fn moved(&self, held: &Held<'_>, moves: &[u32]) -> Option<Vec<InstanceChange>> {
-        let step = |search: &mut Search<'_>, &index: &u32| {
-            let Some(step) = Move::of(&self.edits[index as usize]) else { return Ok(None) };
-            let placed = search.position(step.id).and_then(|at| Some((at, held.object.instance(at)?)));
-            let Some((index, before)) = placed else {
+        let mut search = Search::new(held.placed);
+        let mut found: Vec<(usize, &kernel::Instance, &Edit)> = Vec::with_capacity(moves.len());
+        for &edit in moves {
+            let edit = &self.edits[edit as usize];
+            let Some(step) = Move::of(edit) else { continue };
+            match search.position(step.id).and_then(|index| Some((index, held.object.instance(index)?))) {
+                Some((index, before)) => found.push((index, before, edit)),
                 // Nothing is to be done for hidden ones.
-                let instance = self.scene.instances().get(&step.id);
-                let hidden = instance.is_none_or(|instance| !instance.visible);
-                return if hidden { Ok(None) } else { Err(NotListed) };
-            };
+                None if self.scene.instances().get(&step.id).is_some_and(|instance| instance.visible) => {
+                    return None;
+                }
+                None => {}
+            }
+        }
+        let change = |&(index, before, edit): &(usize, &kernel::Instance, &Edit)| {
             let (object, id) = (before.object.clone(), before.id);
-            let instance = kernel::Instance { object, parent_from_object: step.open, motion: step.close, id };
-            Ok(Some(InstanceChange { index, instance }))
+            let (parent_from_object, motion) = Move::of(edit)
+                .map_or((before.parent_from_object, before.motion), |step| (step.open, step.close));
+            InstanceChange { index, instance: kernel::Instance { object, parent_from_object, motion, id } }
         };
-        let search = || Search::new(held.placed);
-        let found = moves.par_iter().with_min_len(1024).map_init(search, step);
-        found.filter_map(Result::transpose).collect::<Result<_, NotListed>>().ok()
+        Some(found.par_iter().with_min_len(1024).map(change).collect())
     }
 
     /// Updates instances in place. `None` if the list must be made anew: what could not be shown now can, or the other
