@@ -132,7 +132,7 @@ impl Setting {
             (0..self.ball.indices.len())
                 .map(move |t| Triangle(corners(&self.ball, t).map(|p| place.transform_point3(p))))
         };
-        places.to_vec().into_iter().flat_map(of_ball)
+        places.iter().copied().flat_map(of_ball)
     }
 }
 
