@@ -129,7 +129,8 @@ mod tests {
         };
         for count in [1, 7, 100] {
             let objects = objects(&mesh, count);
-            assert!(objects.len() >= count.min(60) && objects.len() <= count, "{count}: {}", objects.len());
+            // None has more than twice its share.
+            assert!((count.div_ceil(2)..=count).contains(&objects.len()), "{count}: {}", objects.len());
             assert_eq!(sorted(&objects), sorted(std::slice::from_ref(&mesh)));
         }
     }
