@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::{Affine3A, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
-    Backend, BackendError, Camera, Edit, EditError, Environment, Filter, FrameRequest, InstanceId, Lens,
-    Material, MaterialId, MaterialOverride, Mesh, ObjectId, Plane, Progress, RebuildReason, SceneBuilder,
-    Target,
+    Backend, BackendError, Camera, Edit, EditError, Environment, Filter, FrameRequest, Instance, InstanceId,
+    Lens, Material, MaterialId, MaterialOverride, Mesh, Object, ObjectId, Plane, Progress, RebuildReason,
+    SceneBuilder, Target,
 };
 
 /// Two objects, one nested in the other, a floor and a lamp; handles in the order of their making.
@@ -152,6 +152,37 @@ fn refused_and_cancelled_edits_leave_everything_as_it_was() {
     let after = engine.render(&request("direct"), &Progress::new()).expect("a frame").color;
     assert_eq!(after, before);
     assert_eq!(engine.render(&request("direct"), &cancelled).map(|f| f.color), Err(BackendError::Cancelled));
+}
+
+#[test]
+fn a_hierarchy_beyond_the_limit_is_refused_and_leaves_everything_as_it_was() {
+    let mut engine = engine(2);
+    let before = engine.render(&request("direct"), &Progress::new()).expect("a frame").color;
+    // Each object holds the one before it twice: 23 of them make eight million placements.
+    let mut edits = Vec::new();
+    let object = |i: u32| ObjectId(100 + i);
+    for i in 0..23 {
+        edits.push(Edit::Object(object(i), Object::default()));
+        for copy in 0..2 * u32::from(i > 0) {
+            edits.push(place(InstanceId(100 + 2 * i + copy), object(i.saturating_sub(1)), Some(object(i))));
+        }
+    }
+    edits.push(place(InstanceId(99), object(22), None));
+    // What comes with it goes with it.
+    edits.push(Edit::MoveInstance(InstanceId(0), Affine3A::from_translation(Vec3::Y)));
+    let error = engine.apply(&edits, &Progress::new()).expect_err("too large");
+    assert!(matches!(error, BackendError::Limit(_)), "{error}");
+    assert_eq!(engine.scene().instances().len(), 4);
+    let after = engine.render(&request("direct"), &Progress::new()).expect("a frame").color;
+    assert_eq!(after, before);
+    let moved = Edit::MoveInstance(InstanceId(1), Affine3A::from_rotation_z(0.5));
+    engine.apply(&[moved], &Progress::new()).expect("it goes on");
+}
+
+fn place(id: InstanceId, object: ObjectId, parent: Option<ObjectId>) -> Edit {
+    let parent_from_object = Affine3A::IDENTITY;
+    let name = String::new();
+    Edit::Instance(id, Instance { name, object, parent, parent_from_object, motion: None, visible: true })
 }
 
 #[test]

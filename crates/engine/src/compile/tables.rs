@@ -36,7 +36,7 @@ impl Compiled {
         let same_materials = scene.materials().keys().eq(&self.materials);
         let relight = if touched.structure || !same_materials {
             self.materials = scene.materials().keys().copied().collect();
-            self.shading = self.tables(scene, MaterialOverride::None);
+            self.shading = self.tables(scene);
             true
         } else {
             let materials = self.patch_materials(scene, changes);
@@ -75,8 +75,8 @@ impl Compiled {
     }
 
     /// All tables anew, without lights.
-    fn tables(&mut self, scene: &Scene, materials: MaterialOverride) -> ShadingScene {
-        let compiled = self.compile_materials(scene, materials);
+    fn tables(&mut self, scene: &Scene) -> ShadingScene {
+        let compiled = self.compile_materials(scene, MaterialOverride::None);
         let slots: BTreeMap<MaterialId, u32> = self.materials.iter().copied().zip(0..).collect();
         let parts = |object| shaded_parts(scene, object, |id| slots[&id]);
         // The world itself, which has no parts of its own, comes first.
