@@ -9,7 +9,7 @@ use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, MaterialOverride,
     Progress, Scene,
 };
-use heliostat_shading::{CameraRays, PixelFilter};
+use heliostat_shading::{CameraRays, LaneMode, PixelFilter};
 use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::{Compiled, Refused};
@@ -31,13 +31,20 @@ pub struct EngineOptions {
     /// else in the background while the old one serves. No picture depends on which tree serves, except where surfaces
     /// coincide exactly: there the one that a traversal meets first is seen.
     pub rebuild_budget: Duration,
+    /// How shaders run. Never changes a result.
+    pub lanes: LaneMode,
 }
 
 impl Default for EngineOptions {
-    /// All cores, the fastest accelerator, 10 ms for rebuilds.
+    /// All cores, the fastest accelerator, 10 ms for rebuilds, packets of lanes.
     fn default() -> Self {
         let accelerator = Accelerator::default();
-        Self { threads: None, accelerator, rebuild_budget: Duration::from_millis(10) }
+        Self {
+            threads: None,
+            accelerator,
+            rebuild_budget: Duration::from_millis(10),
+            lanes: LaneMode::default(),
+        }
     }
 }
 

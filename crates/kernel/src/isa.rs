@@ -75,7 +75,9 @@ impl Isa {
         })
     }
 
-    fn level(self) -> Option<Level> {
+    /// The level of `fearless_simd` at which this machine runs it, or `None` if it cannot.
+    #[must_use]
+    pub fn level(self) -> Option<Level> {
         let level = Level::new();
         match self {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

@@ -7,9 +7,10 @@
 
 use std::sync::LazyLock;
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 use crate::fresnel;
+use crate::lanes::{LaneFn, Real, Vector};
 use crate::microfacet::{SMOOTH_ALPHA, masking, masking_shadowing, sample_visible};
 
 const COSINES: usize = 32;
@@ -37,8 +38,15 @@ impl Table {
         Self { values }
     }
 
-    /// Bilinear lookup at cos θo in [0, 1] and GGX α in [0, 1].
-    pub fn lookup(&self, cos: f32, alpha: f32) -> Vec2 {
+    /// Bilinear lookup at cos θo in [0, 1] and GGX α in [0, 1]: both entries.
+    #[inline(always)]
+    pub fn lookup<F: Real>(&self, cos: F, alpha: F) -> [F; 2] {
+        F::each([cos, alpha], self)
+    }
+}
+
+impl LaneFn<2, 2> for Table {
+    fn at(&self, [cos, alpha]: [f32; 2]) -> [f32; 2] {
         let split = |node: f32, n: usize| {
             let at = node.clamp(0.0, 1.0) * (n - 1) as f32;
             let index = (at as usize).min(n - 2);
@@ -47,17 +55,17 @@ impl Table {
         let (x, fx) = split(cos.max(0.0).sqrt(), COSINES);
         let (y, fy) = split(alpha.max(0.0).sqrt(), ROUGHNESSES);
         let at = |x: usize, y: usize| self.values[y * COSINES + x];
-        at(x, y).lerp(at(x + 1, y), fx).lerp(at(x, y + 1).lerp(at(x + 1, y + 1), fx), fy)
+        at(x, y).lerp(at(x + 1, y), fx).lerp(at(x, y + 1).lerp(at(x + 1, y + 1), fx), fy).to_array()
     }
 }
 
 /// Mean of `value` over visible normals of a direction with cosine `cos`; it gets the direction and the normal.
-fn mean_over_normals(cos: f32, alpha: f32, value: impl Fn(Vec3, Vec3) -> Vec2) -> Vec2 {
-    let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+fn mean_over_normals(cos: f32, alpha: f32, value: impl Fn(Vector<f32>, Vector<f32>) -> Vec2) -> Vec2 {
+    let wo = Vector::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let mut sum = Vec2::ZERO;
     for i in 0..SAMPLES {
         let radical_inverse = (i.reverse_bits() >> 8) as f32 / (1 << 24) as f32;
-        let u = Vec2::new((i as f32 + 0.5) / SAMPLES as f32, radical_inverse);
+        let u = [(i as f32 + 0.5) / SAMPLES as f32, radical_inverse];
         sum += value(wo, sample_visible(wo, alpha, u));
     }
     sum / SAMPLES as f32
@@ -103,7 +111,7 @@ impl InterfaceTables {
                         false => 0.0,
                     };
                     let kept_transmitted = match fresnel::refract(wo, h, eta) {
-                        Some(wi) if wi.z < 0.0 => masking(-wi.z, alpha),
+                        (wi, true) if wi.z < 0.0 => masking(-wi.z, alpha),
                         _ => 0.0,
                     };
                     Vec2::new(reflectance * kept_reflected, (1.0 - reflectance) * kept_transmitted)

@@ -5,16 +5,15 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use glam::{Vec2, Vec3};
-
 use crate::basis::Basis;
-use crate::color::luminance;
 use crate::fresnel::{dielectric, reflect, refract, schlick_weight};
+use crate::lanes::{Mask, Real, Vector};
 use crate::microfacet::{SMOOTH_ALPHA, density, masking, masking_shadowing, sample_visible, visible_density};
 use crate::sampling::{ONE_MINUS_EPSILON, cosine_hemisphere};
 
 /// A set of lobes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lobes(u8);
 
 impl Lobes {
@@ -39,32 +38,23 @@ impl Lobes {
     /// Those on the other side.
     pub const TRANSMITTING: Self = Self(16 | 32);
 
-    const EACH: [Self; 6] = [
-        Self::DIFFUSE,
-        Self::SPECULAR,
-        Self::COAT,
-        Self::GLASS_REFLECT,
-        Self::GLASS_TRANSMIT,
-        Self::THIN_TRANSMIT,
-    ];
-
     /// Whether all of `other` are in the set.
-    pub fn contains(self, other: Self) -> bool {
+    pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }
 
     /// Whether the set is empty.
-    pub fn is_empty(self) -> bool {
+    pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
     /// The lobes of this set that are not in `other`.
-    pub fn without(self, other: Self) -> Self {
+    pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
     /// Lobes of both sets.
-    pub fn intersection(self, other: Self) -> Self {
+    pub const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
@@ -72,21 +62,11 @@ impl Lobes {
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
-
-    /// Whether light goes through the surface; for a single lobe.
-    fn transmits(self) -> bool {
-        !self.intersection(Self::TRANSMITTING).is_empty()
-    }
-
-    /// Each lobe of the set by itself.
-    pub fn iter(self) -> impl Iterator<Item = Self> {
-        Self::EACH.into_iter().filter(move |&lobe| self.contains(lobe))
-    }
 }
 
-/// Lobes that are chosen together. The two of a solid's interface share one microfacet, whose Fresnel term decides
-/// between them: chosen one by one, refraction near the critical angle would have unbounded weights.
-const GROUPS: [Lobes; 5] = [
+/// Groups of lobes that are chosen together. The two of a solid's interface share one microfacet, whose Fresnel term
+/// decides between them: chosen one by one, refraction near the critical angle would have unbounded weights.
+pub(crate) const GROUPS: [Lobes; 5] = [
     Lobes::DIFFUSE,
     Lobes::SPECULAR,
     Lobes::COAT,
@@ -94,351 +74,544 @@ const GROUPS: [Lobes; 5] = [
     Lobes::THIN_TRANSMIT,
 ];
 
+/// Which lobes take part in an evaluation or a sample: those of a set whose GGX α lies in an interval. Diffuse lobes
+/// count as α = 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Selection {
+    lobes: Lobes,
+    /// Excluded.
+    above: f32,
+    /// Included.
+    up_to: f32,
+}
+
+impl Selection {
+    /// All lobes.
+    pub const ALL: Self = Self { lobes: Lobes::ALL, above: -1.0, up_to: f32::INFINITY };
+
+    /// Those whose α is at most `alpha`: mirrors, glass and clear gloss.
+    pub const fn up_to(alpha: f32) -> Self {
+        Self { up_to: alpha, ..Self::ALL }
+    }
+
+    /// Those whose α is larger than `alpha`.
+    pub const fn above(alpha: f32) -> Self {
+        Self { above: alpha, ..Self::ALL }
+    }
+
+    /// Those that are in `lobes` too.
+    pub const fn among(self, lobes: Lobes) -> Self {
+        Self { lobes: Lobes(self.lobes.0 & lobes.0), ..self }
+    }
+
+    /// Whether it may take any of these lobes, whatever their α: the diffuse one is known to have 1.
+    pub(crate) fn may_take(&self, lobes: Lobes) -> bool {
+        let lobes = self.lobes.intersection(lobes);
+        let diffuse = self.above < 1.0 && self.up_to >= 1.0;
+        !if diffuse { lobes } else { lobes.without(Lobes::DIFFUSE) }.is_empty()
+    }
+
+    #[inline(always)]
+    fn takes<F: Real>(&self, alpha: F) -> F::Mask {
+        alpha.gt(alpha.splat(self.above)) & alpha.le(alpha.splat(self.up_to))
+    }
+}
+
 /// GGX reflection with Schlick's Fresnel term between `f0` and `f90`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reflection {
-    pub(crate) f0: Vec3,
-    pub(crate) f90: Vec3,
-    pub(crate) alpha: f32,
+pub(crate) struct Reflection<F> {
+    pub(crate) f0: Vector<F>,
+    pub(crate) f90: Vector<F>,
+    pub(crate) alpha: F,
 }
 
 /// A rough dielectric interface to a solid.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Glass {
+pub(crate) struct Glass<F> {
     /// Index on the far side over that on `wo`'s side.
-    pub(crate) eta: f32,
-    pub(crate) alpha: f32,
+    pub(crate) eta: F,
+    pub(crate) alpha: F,
     /// Share of light that is reflected, over all microfacets.
-    pub(crate) reflectance: f32,
+    pub(crate) reflectance: F,
     /// Weight of reflected light, energy compensation included.
-    pub(crate) reflect: Vec3,
+    pub(crate) reflect: F,
     /// Weight of transmitted light, tint and energy compensation included.
-    pub(crate) transmit: Vec3,
+    pub(crate) transmit: Vector<F>,
 }
 
 /// Transmission through a thin rough sheet: the GGX lobe about the direction straight on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ThinTransmission {
-    pub(crate) color: Vec3,
-    pub(crate) alpha: f32,
+pub(crate) struct ThinTransmission<F> {
+    pub(crate) color: Vector<F>,
+    pub(crate) alpha: F,
 }
 
 /// The scattering function at a point, for one direction `wo`.
 #[derive(Clone, Copy, Debug)]
-pub struct Bsdf {
-    pub(crate) basis: Basis,
-    /// The clear coat's own basis; normal maps of the base do not reach it.
-    pub(crate) coat_basis: Basis,
+pub struct Bsdf<F> {
+    /// Shading normal, on `wo`'s side.
+    pub(crate) normal: Vector<F>,
+    /// The clear coat's own normal; normal maps of the base do not reach it.
+    pub(crate) coat_normal: Vector<F>,
     /// Geometric normal on `wo`'s side.
-    pub(crate) ng: Vec3,
-    pub(crate) wo: Vec3,
-    pub(crate) diffuse: Vec3,
-    pub(crate) specular: Reflection,
-    pub(crate) coat: Reflection,
-    pub(crate) glass: Glass,
-    pub(crate) thin: ThinTransmission,
-    /// The lobes with any energy.
+    pub(crate) ng: Vector<F>,
+    pub(crate) wo: Vector<F>,
+    pub(crate) diffuse: Vector<F>,
+    pub(crate) specular: Reflection<F>,
+    pub(crate) coat: Reflection<F>,
+    pub(crate) glass: Glass<F>,
+    pub(crate) thin: ThinTransmission<F>,
+    /// The lobes that may have energy in some lane; the fields of others mean nothing.
     pub(crate) lobes: Lobes,
-    /// Probability of choosing each group of lobes, in the order of [`GROUPS`].
-    pub(crate) choice: [f32; 5],
+    /// Probability of choosing each group of lobes, in the order of [`GROUPS`]; zero where it has no energy.
+    pub(crate) choice: [F; 5],
 }
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
-pub struct BsdfSample {
+pub struct BsdfSample<F: Real> {
+    /// Whether there is one: none where no lobe takes part or the sample is absorbed.
+    pub valid: F::Mask,
     /// Where light comes from.
-    pub wi: Vec3,
+    pub wi: Vector<F>,
     /// f · |cos θi| / pdf.
-    pub weight: Vec3,
-    /// Per steradian; 0 for a perfectly smooth lobe.
-    pub pdf: f32,
+    pub weight: Vector<F>,
+    /// Per steradian; 0 for a perfectly smooth lobe, which light sampling cannot hit.
+    pub pdf: F,
     /// GGX α of the lobe that was sampled; 1 for diffuse.
-    pub alpha: f32,
+    pub alpha: F,
     /// Whether `wi` lies behind the surface.
-    pub transmitted: bool,
-}
-
-impl BsdfSample {
-    /// Whether the direction came from a perfectly smooth lobe, which light sampling cannot hit.
-    pub fn is_delta(&self) -> bool {
-        self.pdf == 0.0
-    }
+    pub transmitted: F::Mask,
 }
 
 /// f · |cos θi| and the density of [`Bsdf::sample`] for a pair of directions.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BsdfValue {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfValue<F> {
     /// f · |cos θi|; smooth lobes contribute nothing.
-    pub f_cos: Vec3,
+    pub f_cos: Vector<F>,
     /// Per steradian.
-    pub pdf: f32,
+    pub pdf: F,
 }
 
-impl Bsdf {
-    /// Sets the lobes present and how often each is sampled: in proportion to the light it reflects.
-    pub(crate) fn finish(mut self, specular_albedo: Vec3, coat_albedo: f32) -> Self {
-        let albedos =
-            [self.diffuse, specular_albedo, Vec3::splat(coat_albedo), self.glass.albedo(), self.thin.color];
-        let weights = albedos.map(luminance);
-        let total: f32 = weights.iter().sum();
-        self.lobes = Lobes::NONE;
-        self.choice = [0.0; 5];
-        if total <= 0.0 {
-            return self;
+/// A direction from one group of lobes.
+#[derive(Clone, Copy, Debug)]
+struct GroupSample<F: Real> {
+    wi: Vector<F>,
+    /// f · |cos θi| / pdf of the group where the lobe is smooth.
+    smooth_weight: Vector<F>,
+    smooth: F::Mask,
+    transmitted: F::Mask,
+    valid: F::Mask,
+}
+
+impl<F: Real> Bsdf<F> {
+    /// Sets how often each group is sampled: in proportion to the light it reflects.
+    #[inline(always)]
+    pub(crate) fn choose(&mut self, specular_albedo: Vector<F>, coat_albedo: F) {
+        let zero = coat_albedo.splat(0.0);
+        let weights = [
+            if self.has(0) { self.diffuse.luminance() } else { zero },
+            if self.has(1) { specular_albedo.luminance() } else { zero },
+            if self.has(2) { coat_albedo } else { zero },
+            if self.has(3) { self.glass.albedo().luminance() } else { zero },
+            if self.has(4) { self.thin.color.luminance() } else { zero },
+        ];
+        let total = weights[0] + weights[1] + weights[2] + weights[3] + weights[4];
+        // A floor keeps lobes whose estimate is far too low at some angle from becoming fireflies.
+        let floor = total * 0.02;
+        let mut sum = zero;
+        for (choice, weight) in self.choice.iter_mut().zip(weights) {
+            *choice = weight.max(floor).only(weight.gt(zero));
+            sum = sum + *choice;
         }
-        for (i, group) in GROUPS.into_iter().enumerate() {
-            if weights[i] > 0.0 {
-                self.lobes = self.lobes.union(group);
-                // A floor keeps lobes whose estimate is far too low at some angle from becoming fireflies.
-                self.choice[i] = weights[i].max(0.02 * total);
-            }
+        let inverse = sum.recip().only(sum.gt(zero));
+        for choice in &mut self.choice {
+            *choice = *choice * inverse;
         }
-        let total: f32 = self.choice.iter().sum();
-        self.choice = self.choice.map(|c| c / total);
-        self
     }
 
-    /// The same surface without any scattering.
-    pub(crate) fn black(mut self) -> Self {
-        self.lobes = Lobes::NONE;
-        self
+    /// Whether a group of [`GROUPS`] may have energy in some lane.
+    #[inline(always)]
+    fn has(&self, group: usize) -> bool {
+        !self.lobes.intersection(GROUPS[group]).is_empty()
     }
 
-    /// The lobes with any energy.
+    /// The lobes that may have energy in some lane.
     pub fn lobes(&self) -> Lobes {
         self.lobes
     }
 
     /// The shading normal, on `wo`'s side.
-    pub fn normal(&self) -> Vec3 {
-        self.basis.z
+    pub fn normal(&self) -> Vector<F> {
+        self.normal
+    }
+
+    /// Where any lobe has energy.
+    #[inline(always)]
+    pub fn scatters(&self) -> F::Mask {
+        let [a, b, c, d, e] = self.choice;
+        (a + b + c + d + e).gt(a.splat(0.0))
+    }
+
+    /// Where any of the selected lobes has energy.
+    #[inline(always)]
+    pub fn has_any(&self, which: Selection) -> F::Mask {
+        let total = self.chances(which).1;
+        total.gt(total.splat(0.0))
     }
 
     /// Relative index of the far side of a solid's interface; 1 where there is none.
-    pub fn transmitted_eta(&self) -> f32 {
-        if self.glass.eta > 0.0 { self.glass.eta } else { 1.0 }
+    #[inline(always)]
+    pub fn transmitted_eta(&self) -> F {
+        let eta = self.glass.eta;
+        let one = eta.splat(1.0);
+        if self.has(3) { eta.where_or(eta.gt(eta.splat(0.0)), one) } else { one }
     }
 
-    /// The lobes present whose α is at most `alpha`: mirrors, glass and clear gloss.
-    pub fn sharper_than(&self, alpha: f32) -> Lobes {
-        let sharp = |lobe: Lobes| self.alpha(lobe) <= alpha;
-        self.lobes.iter().filter(|&lobe| sharp(lobe)).fold(Lobes::NONE, Lobes::union)
-    }
-
-    fn alpha(&self, lobe: Lobes) -> f32 {
-        match lobe {
-            Lobes::SPECULAR => self.specular.alpha,
-            Lobes::COAT => self.coat.alpha,
-            Lobes::GLASS_REFLECT | Lobes::GLASS_TRANSMIT => self.glass.alpha,
-            Lobes::THIN_TRANSMIT => self.thin.alpha,
-            _ => 1.0,
+    #[inline(always)]
+    fn alpha(&self, group: usize) -> F {
+        match group {
+            1 => self.specular.alpha,
+            2 => self.coat.alpha,
+            3 => self.glass.alpha,
+            4 => self.thin.alpha,
+            _ => self.choice[0].splat(1.0),
         }
     }
 
-    /// Probability of each group when only `lobes` take part, and the sum before normalisation.
-    fn chances(&self, lobes: Lobes) -> ([f32; 5], f32) {
-        let mut chances = self.choice;
-        for (chance, group) in chances.iter_mut().zip(GROUPS) {
-            if lobes.intersection(group).is_empty() {
-                *chance = 0.0;
+    /// Probability of each group when only the selected lobes take part, and the sum before normalisation.
+    #[inline(always)]
+    fn chances(&self, which: Selection) -> ([F; 5], F) {
+        let zero = self.choice[0].splat(0.0);
+        let mut chances = [zero; 5];
+        let mut total = zero;
+        for group in 0..5 {
+            if self.has(group) && !which.lobes.intersection(GROUPS[group]).is_empty() {
+                chances[group] = self.choice[group].only(which.takes(self.alpha(group)));
+                total = total + chances[group];
             }
         }
-        (chances, chances.iter().sum())
+        (chances, total)
     }
 
-    /// f · |cos θi| of the chosen lobes for light from `wi`, and the density of sampling it from those lobes.
-    pub fn evaluate(&self, wi: Vec3, lobes: Lobes) -> BsdfValue {
-        let lobes = self.lobes.intersection(lobes);
-        let mut value = BsdfValue::default();
-        if lobes.is_empty() {
-            return value;
-        }
-        let (chances, total) = self.chances(lobes);
-        let side = if self.ng.dot(wi) > 0.0 { Lobes::REFLECTING } else { Lobes::TRANSMITTING };
-        for (group, chance) in GROUPS.into_iter().zip(chances) {
-            // At most one lobe of a group lies on either side.
-            let lobe = group.intersection(lobes).intersection(side);
-            if chance > 0.0 && !lobe.is_empty() {
-                let (f_cos, pdf) = self.lobe_value(lobe, lobes, wi);
-                value.f_cos += f_cos;
-                value.pdf += pdf * chance / total;
+    /// f · |cos θi| of the selected lobes for light from `wi`, and the density of sampling it from them.
+    #[inline(always)]
+    pub fn evaluate(&self, wi: Vector<F>, which: Selection) -> BsdfValue<F> {
+        let zero = self.choice[0].splat(0.0);
+        let (chances, total) = self.chances(which);
+        let above = self.ng.dot(wi).gt(zero);
+        let mut f_cos = Vector::grey(zero);
+        let mut pdf = zero;
+        for group in 0..5 {
+            let present = chances[group].gt(zero);
+            let lobes = GROUPS[group].intersection(self.lobes).intersection(which.lobes);
+            if lobes.is_empty() || !present.any() {
+                continue;
             }
+            let (f, p) = self.group_value(group, lobes, wi, above);
+            f_cos = f_cos + f.only(present);
+            pdf = pdf + (p * chances[group]).only(present);
         }
-        value
+        BsdfValue { f_cos, pdf: (pdf / total).only(total.gt(zero)) }
     }
 
-    /// Samples a direction from the chosen lobes. `None` when there are none or the sample is absorbed.
-    pub fn sample(&self, u_lobe: f32, u: Vec2, lobes: Lobes) -> Option<BsdfSample> {
-        let lobes = self.lobes.intersection(lobes);
-        let (chances, total) = self.chances(lobes);
-        let mut rest = u_lobe * total;
-        let mut chosen = None;
-        for (group, chance) in GROUPS.into_iter().zip(chances).filter(|(_, chance)| *chance > 0.0) {
-            chosen = Some((group, chance, (rest / chance).clamp(0.0, ONE_MINUS_EPSILON)));
-            rest -= chance;
-            if rest < 0.0 {
-                break;
-            }
-        }
-        let (group, chance, u_branch) = chosen?;
-        let (lobe, wi, delta_weight) = self.group_sample(group.intersection(lobes), u_branch, u)?;
-        let transmitted = lobe.transmits();
-        if (self.ng.dot(wi) > 0.0) == transmitted {
-            return None;
-        }
-        let alpha = self.alpha(lobe);
-        if let Some(weight) = delta_weight {
-            return Some(BsdfSample { wi, weight: weight * (total / chance), pdf: 0.0, alpha, transmitted });
-        }
-        let value = self.evaluate(wi, lobes);
-        let usable = value.pdf > 0.0 && value.pdf.is_finite();
-        usable.then(|| BsdfSample { wi, weight: value.f_cos / value.pdf, pdf: value.pdf, alpha, transmitted })
-    }
-
-    /// f · |cos θi| of one lobe and the density of sampling it from its group within `lobes`; zero for smooth ones.
-    fn lobe_value(&self, lobe: Lobes, lobes: Lobes, wi: Vec3) -> (Vec3, f32) {
-        let both = lobes.contains(GROUPS[3]);
-        match lobe {
-            Lobes::DIFFUSE => {
-                let pdf = self.basis.z.dot(wi).max(0.0) * FRAC_1_PI;
+    /// f · |cos θi| of the `lobes` of a group and the density of sampling it from the group; zero for smooth ones. At
+    /// most one lobe of a group lies on either side, which `above` tells.
+    #[inline(always)]
+    fn group_value(&self, group: usize, lobes: Lobes, wi: Vector<F>, above: F::Mask) -> (Vector<F>, F) {
+        match group {
+            0 => {
+                let pdf = self.normal.dot(wi).positive().only(above) * FRAC_1_PI;
                 (self.diffuse * pdf, pdf)
             }
-            Lobes::SPECULAR => self.specular.value(&self.basis, self.wo, wi),
-            Lobes::COAT => self.coat.value(&self.coat_basis, self.wo, wi),
-            Lobes::GLASS_REFLECT => self.glass.reflected_value(&self.basis, self.wo, wi, both),
-            Lobes::GLASS_TRANSMIT => self.glass.transmitted_value(&self.basis, self.wo, wi, both),
-            _ => self.thin.value(&self.basis, self.wo, wi),
+            1 => only(self.specular.value(&Basis::from_normal(self.normal), self.wo, wi), above),
+            2 => only(self.coat.value(&Basis::from_normal(self.coat_normal), self.wo, wi), above),
+            3 => self.glass.value(&Basis::from_normal(self.normal), self.wo, wi, lobes, above),
+            _ => only(self.thin.value(&Basis::from_normal(self.normal), self.wo, wi), !above),
         }
     }
 
-    /// A direction from one group: the lobe it came from and, for smooth lobes, f · |cos θi| / pdf.
-    fn group_sample(&self, lobes: Lobes, u_branch: f32, u: Vec2) -> Option<(Lobes, Vec3, Option<Vec3>)> {
-        let (lobe, (wi, weight)) = match lobes {
-            Lobes::DIFFUSE => (lobes, (self.basis.to_world(cosine_hemisphere(u)), None)),
-            Lobes::SPECULAR => (lobes, self.specular.sample(&self.basis, self.wo, u)),
-            Lobes::COAT => (lobes, self.coat.sample(&self.coat_basis, self.wo, u)),
-            Lobes::THIN_TRANSMIT => (lobes, self.thin.sample(&self.basis, self.wo, u)),
-            _ => self.glass.sample(&self.basis, self.wo, lobes, u_branch, u)?,
-        };
-        Some((lobe, wi, weight))
+    /// Samples a direction from the selected lobes.
+    #[inline(always)]
+    pub fn sample(&self, u_lobe: F, u: [F; 2], which: Selection) -> BsdfSample<F> {
+        let zero = u_lobe.splat(0.0);
+        let one = u_lobe.splat(1.0);
+        let (chances, total) = self.chances(which);
+        // The group whose interval holds u; rounding may leave the last one open.
+        let mut rest = u_lobe * total;
+        let mut done = zero.lt(zero);
+        let (mut chosen, mut chance, mut u_branch) = (zero - 1.0, one, zero);
+        for group in 0..5 {
+            let take = chances[group].gt(zero) & !done;
+            chosen = zero.splat(group as f32).where_or(take, chosen);
+            chance = chances[group].where_or(take, chance);
+            u_branch = (rest / chances[group]).where_or(take, u_branch);
+            done = done | (take & rest.lt(chances[group]));
+            rest = rest - chances[group].only(take);
+        }
+        let u_branch = u_branch.clamp(0.0, ONE_MINUS_EPSILON);
+        let mut taken = GroupSample::none(zero);
+        let mut alpha = one;
+        for group in 0..5 {
+            let mine = chosen.equals(zero.splat(group as f32));
+            if self.has(group) && mine.any() {
+                let lobes = GROUPS[group].intersection(self.lobes).intersection(which.lobes);
+                taken = self.group_sample(group, lobes, u_branch, u).where_or(mine, taken);
+                alpha = self.alpha(group).where_or(mine, alpha);
+            }
+        }
+        let GroupSample { wi, smooth_weight, smooth, transmitted, valid } = taken;
+        let above = self.ng.dot(wi).gt(zero);
+        let valid = valid & ((above & !transmitted) | (!above & transmitted));
+        let value = self.evaluate(wi, which);
+        let inverse = value.pdf.recip();
+        let usable = smooth | (inverse.gt(zero) & inverse.lt(inverse.splat(f32::INFINITY)));
+        BsdfSample {
+            valid: valid & usable,
+            wi,
+            weight: (smooth_weight * (total / chance)).where_or(smooth, value.f_cos * inverse),
+            pdf: value.pdf.only(!smooth),
+            alpha,
+            transmitted,
+        }
     }
+
+    #[inline(always)]
+    fn group_sample(&self, group: usize, lobes: Lobes, u_branch: F, u: [F; 2]) -> GroupSample<F> {
+        match group {
+            0 => {
+                let wi = Basis::from_normal(self.normal).to_world(cosine_hemisphere(u));
+                let none = GroupSample::none(u_branch);
+                GroupSample { wi, valid: !none.valid, ..none }
+            }
+            1 => self.specular.sample(&Basis::from_normal(self.normal), self.wo, u),
+            2 => self.coat.sample(&Basis::from_normal(self.coat_normal), self.wo, u),
+            3 => self.glass.sample(&Basis::from_normal(self.normal), self.wo, lobes, u_branch, u),
+            _ => self.thin.sample(&Basis::from_normal(self.normal), self.wo, u),
+        }
+    }
+}
+
+impl<F: Real> GroupSample<F> {
+    #[inline(always)]
+    fn none(like: F) -> Self {
+        let zero = like.splat(0.0);
+        let no = zero.lt(zero);
+        let vector = Vector::grey(zero);
+        Self { wi: vector, smooth_weight: vector, smooth: no, transmitted: no, valid: no }
+    }
+
+    #[inline(always)]
+    fn where_or(self, mask: F::Mask, otherwise: Self) -> Self {
+        Self {
+            wi: self.wi.where_or(mask, otherwise.wi),
+            smooth_weight: self.smooth_weight.where_or(mask, otherwise.smooth_weight),
+            smooth: either::<F>(mask, self.smooth, otherwise.smooth),
+            transmitted: either::<F>(mask, self.transmitted, otherwise.transmitted),
+            valid: either::<F>(mask, self.valid, otherwise.valid),
+        }
+    }
+}
+
+#[inline(always)]
+fn either<F: Real>(mask: F::Mask, a: F::Mask, b: F::Mask) -> F::Mask {
+    (a & mask) | (b & !mask)
+}
+
+#[inline(always)]
+fn only<F: Real>((f_cos, pdf): (Vector<F>, F), mask: F::Mask) -> (Vector<F>, F) {
+    (f_cos.only(mask), pdf.only(mask))
 }
 
 /// `wo` in local space, kept off the horizon where the formulas divide by its cosine.
-fn local_wo(basis: &Basis, wo: Vec3) -> Vec3 {
+#[inline(always)]
+fn local_wo<F: Real>(basis: &Basis<F>, wo: Vector<F>) -> Vector<F> {
     let local = basis.to_local(wo);
-    local.with_z(local.z.max(1e-5))
+    Vector::new(local.x, local.y, local.z.max(local.z.splat(1e-5)))
 }
 
-impl Reflection {
-    pub(crate) const NONE: Self = Self { f0: Vec3::ZERO, f90: Vec3::ZERO, alpha: 1.0 };
+#[inline(always)]
+fn is_smooth<F: Real>(alpha: F) -> F::Mask {
+    alpha.le(alpha.splat(SMOOTH_ALPHA))
+}
 
-    fn fresnel(&self, cos: f32) -> Vec3 {
-        self.f0.lerp(self.f90, schlick_weight(cos))
+impl<F: Real> Reflection<F> {
+    #[inline(always)]
+    pub(crate) fn none(like: F) -> Self {
+        let black = Vector::grey(like.splat(0.0));
+        Self { f0: black, f90: black, alpha: like.splat(1.0) }
     }
 
-    fn value(&self, basis: &Basis, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+    #[inline(always)]
+    fn fresnel(&self, cos: F) -> Vector<F> {
+        self.f0.mix(self.f90, schlick_weight(cos))
+    }
+
+    #[inline(always)]
+    fn value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
         let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
         (self.fresnel(cos) * shape, pdf)
     }
 
-    fn sample(&self, basis: &Basis, wo: Vec3, u: Vec2) -> (Vec3, Option<Vec3>) {
-        if self.alpha <= SMOOTH_ALPHA {
-            return (reflect(wo, basis.z), Some(self.fresnel(basis.z.dot(wo))));
-        }
+    #[inline(always)]
+    fn sample(&self, basis: &Basis<F>, wo: Vector<F>, u: [F; 2]) -> GroupSample<F> {
+        let smooth = is_smooth(self.alpha);
         let local = local_wo(basis, wo);
-        (basis.to_world(reflect(local, sample_visible(local, self.alpha, u))), None)
+        let rough = basis.to_world(reflect(local, sample_visible(local, self.alpha, u)));
+        let none = GroupSample::none(self.alpha);
+        GroupSample {
+            wi: reflect(wo, basis.z).where_or(smooth, rough),
+            smooth_weight: self.fresnel(basis.z.dot(wo)),
+            smooth,
+            valid: !none.valid,
+            ..none
+        }
     }
 }
 
 /// D G2 / (4 cos θo) of GGX reflection (F = 1), its sampling density and the cosine at the microfacet. Local space.
-fn ggx_reflection(wo: Vec3, wi: Vec3, alpha: f32) -> (f32, f32, f32) {
-    if wi.z <= 0.0 || alpha <= SMOOTH_ALPHA {
-        return (0.0, 0.0, 0.0);
-    }
-    let h = (wo + wi).normalize_or(Vec3::Z);
-    let d = density(h, alpha);
-    let shape = d * masking_shadowing(wo.z, wi.z, alpha) / (4.0 * wo.z);
-    (shape, masking(wo.z, alpha) * d / (4.0 * wo.z), wo.dot(h).max(0.0))
+#[inline(always)]
+fn ggx_reflection<F: Real>(wo: Vector<F>, wi: Vector<F>, alpha: F) -> (F, F, F) {
+    let valid = wi.z.gt(wi.z.splat(0.0)) & !is_smooth(alpha);
+    let h = (wo + wi).normalized_or(up(alpha));
+    let common = density(h, alpha) / (wo.z * 4.0);
+    let shape = common * masking_shadowing(wo.z, wi.z, alpha);
+    (shape.only(valid), (masking(wo.z, alpha) * common).only(valid), wo.dot(h).positive())
 }
 
-impl Glass {
-    pub(crate) const NONE: Self =
-        Self { eta: 0.0, alpha: 1.0, reflectance: 0.0, reflect: Vec3::ZERO, transmit: Vec3::ZERO };
+#[inline(always)]
+fn up<F: Real>(like: F) -> Vector<F> {
+    Vector::new(like.splat(0.0), like.splat(0.0), like.splat(1.0))
+}
 
-    /// Light sent on in uniform white light.
-    pub(crate) fn albedo(&self) -> Vec3 {
-        self.transmit.lerp(self.reflect, self.reflectance)
+impl<F: Real> Glass<F> {
+    #[inline(always)]
+    pub(crate) fn none(like: F) -> Self {
+        let zero = like.splat(0.0);
+        let transmit = Vector::grey(zero);
+        Self { eta: zero, alpha: like.splat(1.0), reflectance: zero, reflect: zero, transmit }
     }
 
-    fn reflected_value(&self, basis: &Basis, wo: Vec3, wi: Vec3, both: bool) -> (Vec3, f32) {
+    /// Light sent on in uniform white light.
+    #[inline(always)]
+    pub(crate) fn albedo(&self) -> Vector<F> {
+        self.transmit.mix(Vector::grey(self.reflect), self.reflectance)
+    }
+
+    /// Reflection above, transmission below; each only if it is among `lobes`.
+    #[inline(always)]
+    fn value(
+        &self,
+        basis: &Basis<F>,
+        wo: Vector<F>,
+        wi: Vector<F>,
+        lobes: Lobes,
+        above: F::Mask,
+    ) -> (Vector<F>, F) {
+        let both = lobes.contains(GROUPS[3]);
+        let black = (Vector::grey(self.eta.splat(0.0)), self.eta.splat(0.0));
+        let reflected = match lobes.contains(Lobes::GLASS_REFLECT) && above.any() {
+            true => only(self.reflected_value(basis, wo, wi, both), above),
+            false => black,
+        };
+        let transmitted = match lobes.contains(Lobes::GLASS_TRANSMIT) && !above.all() {
+            true => only(self.transmitted_value(basis, wo, wi, both), !above),
+            false => black,
+        };
+        (reflected.0 + transmitted.0, reflected.1 + transmitted.1)
+    }
+
+    #[inline(always)]
+    fn reflected_value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>, both: bool) -> (Vector<F>, F) {
         let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
         let reflectance = dielectric(cos, self.eta);
-        (self.reflect * (reflectance * shape), if both { pdf * reflectance } else { pdf })
+        let value = Vector::grey(self.reflect * reflectance * shape);
+        (value, if both { pdf * reflectance } else { pdf })
     }
 
     /// Walter et al. 2007, equation 21, for radiance: divided by η² because beams spread as they refract.
-    fn transmitted_value(&self, basis: &Basis, wo: Vec3, wi: Vec3, both: bool) -> (Vec3, f32) {
+    #[inline(always)]
+    fn transmitted_value(
+        &self,
+        basis: &Basis<F>,
+        wo: Vector<F>,
+        wi: Vector<F>,
+        both: bool,
+    ) -> (Vector<F>, F) {
         let (wo, wi) = (local_wo(basis, wo), basis.to_local(wi));
-        if wi.z >= 0.0 || self.alpha <= SMOOTH_ALPHA {
-            return (Vec3::ZERO, 0.0);
-        }
-        let h = (wo + wi * self.eta).normalize_or(Vec3::Z);
-        let h = if h.z < 0.0 { -h } else { h };
+        let zero = self.eta.splat(0.0);
+        let h = (wo + wi * self.eta).normalized_or(up(zero));
+        let h = (-h).where_or(h.z.lt(zero), h);
         let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
-        if cos_o <= 0.0 || cos_i >= 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
-        let denominator = (cos_i + cos_o / self.eta).powi(2);
+        let valid = wi.z.lt(zero) & !is_smooth(self.alpha) & cos_o.gt(zero) & cos_i.lt(zero);
+        let denominator = (cos_i + cos_o / self.eta).squared();
         let pdf = visible_density(wo, h, self.alpha) * -cos_i / denominator;
         let shadowing = masking(-wi.z, self.alpha);
-        let transmittance = 1.0 - dielectric(cos_o, self.eta);
+        let transmittance = dielectric(cos_o, self.eta).complement();
         let f_cos = self.transmit * (transmittance * shadowing * pdf / (self.eta * self.eta));
-        (f_cos, if both { pdf * transmittance } else { pdf })
+        only((f_cos, if both { pdf * transmittance } else { pdf }), valid)
     }
 
     /// Samples a microfacet, then reflection or refraction by its Fresnel term, or the only one that is asked for.
+    #[inline(always)]
     fn sample(
         &self,
-        basis: &Basis,
-        wo: Vec3,
+        basis: &Basis<F>,
+        wo: Vector<F>,
         lobes: Lobes,
-        u_branch: f32,
-        u: Vec2,
-    ) -> Option<(Lobes, (Vec3, Option<Vec3>))> {
-        let smooth = self.alpha <= SMOOTH_ALPHA;
+        u_branch: F,
+        u: [F; 2],
+    ) -> GroupSample<F> {
+        let smooth = is_smooth(self.alpha);
         let local = local_wo(basis, wo);
-        let h = if smooth { Vec3::Z } else { sample_visible(local, self.alpha, u) };
-        let reflectance = dielectric(local.dot(h).max(0.0), self.eta);
+        let h = up(u_branch).where_or(smooth, sample_visible(local, self.alpha, u));
+        let reflectance = dielectric(local.dot(h).positive(), self.eta);
         let both = lobes.contains(GROUPS[3]);
-        let reflects = if both { u_branch < reflectance } else { lobes == Lobes::GLASS_REFLECT };
-        if reflects {
-            let weight = if both { self.reflect } else { self.reflect * reflectance };
-            return Some((
-                Lobes::GLASS_REFLECT,
-                (basis.to_world(reflect(local, h)), smooth.then_some(weight)),
-            ));
+        let never = u_branch.lt(u_branch.splat(0.0));
+        let reflects = match (both, lobes.contains(Lobes::GLASS_REFLECT)) {
+            (true, _) => u_branch.lt(reflectance),
+            (false, true) => !never,
+            (false, false) => never,
+        };
+        let (refracted, passes) = refract(local, h, self.eta);
+        let (mut reflect_weight, mut transmit_weight) = (self.reflect, self.transmit);
+        if !both {
+            reflect_weight = reflect_weight * reflectance;
+            transmit_weight = transmit_weight * reflectance.complement();
         }
-        let wi = refract(local, h, self.eta)?;
-        let weight = if both { self.transmit } else { self.transmit * (1.0 - reflectance) };
-        let weight = weight / (self.eta * self.eta);
-        Some((Lobes::GLASS_TRANSMIT, (basis.to_world(wi), smooth.then_some(weight))))
+        let transmit_weight = transmit_weight * (self.eta * self.eta).recip();
+        GroupSample {
+            wi: basis.to_world(reflect(local, h).where_or(reflects, refracted)),
+            smooth_weight: Vector::grey(reflect_weight).where_or(reflects, transmit_weight),
+            smooth,
+            transmitted: !reflects,
+            valid: reflects | passes,
+        }
     }
 }
 
-impl ThinTransmission {
-    fn value(&self, basis: &Basis, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+impl<F: Real> ThinTransmission<F> {
+    #[inline(always)]
+    fn value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
         let wi = basis.to_local(wi);
-        let (shape, pdf, _) = ggx_reflection(local_wo(basis, wo), wi.with_z(-wi.z), self.alpha);
+        let mirrored = Vector::new(wi.x, wi.y, -wi.z);
+        let (shape, pdf, _) = ggx_reflection(local_wo(basis, wo), mirrored, self.alpha);
         (self.color * shape, pdf)
     }
 
-    fn sample(&self, basis: &Basis, wo: Vec3, u: Vec2) -> (Vec3, Option<Vec3>) {
-        if self.alpha <= SMOOTH_ALPHA {
-            return (-wo, Some(self.color));
-        }
+    #[inline(always)]
+    fn sample(&self, basis: &Basis<F>, wo: Vector<F>, u: [F; 2]) -> GroupSample<F> {
+        let smooth = is_smooth(self.alpha);
         let local = local_wo(basis, wo);
         let wi = reflect(local, sample_visible(local, self.alpha, u));
-        (basis.to_world(wi.with_z(-wi.z)), None)
+        let rough = basis.to_world(Vector::new(wi.x, wi.y, -wi.z));
+        let none = GroupSample::none(self.alpha);
+        GroupSample {
+            wi: (-wo).where_or(smooth, rough),
+            smooth_weight: self.color,
+            smooth,
+            transmitted: !none.transmitted,
+            valid: !none.valid,
+        }
     }
 }

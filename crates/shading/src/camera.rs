@@ -6,7 +6,7 @@ use glam::{Affine3A, Mat3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Projection};
 
 use crate::sampling::concentric_disk;
-use crate::surface::mix;
+use crate::placement::mix;
 
 /// A camera made ready for one picture size.
 #[derive(Clone, Debug)]

@@ -4,6 +4,31 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
+use crate::lanes::{Real, Vector};
+
+/// A colour with alpha.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rgba<F> {
+    /// Linear, not multiplied by alpha.
+    pub(crate) rgb: Vector<F>,
+    pub(crate) a: F,
+}
+
+impl<F: Real> Rgba<F> {
+    /// Opaque white, in the registers that `like` is in.
+    #[inline(always)]
+    pub(crate) fn white(like: F) -> Self {
+        let one = like.splat(1.0);
+        Self { rgb: Vector::grey(one), a: one }
+    }
+}
+
+impl From<glam::Vec4> for Rgba<f32> {
+    fn from(v: glam::Vec4) -> Self {
+        Self { rgb: v.truncate().into(), a: v.w }
+    }
+}
+
 /// Relative luminance of linear Rec. 709 RGB (ITU-R BT.709).
 pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))

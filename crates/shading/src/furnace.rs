@@ -7,8 +7,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3, Vec4};
 use heliostat_scene::{Clearcoat, Material, MaterialId, Volume};
 
-use crate::basis::Basis;
-use crate::bsdf::{Bsdf, Lobes};
+use crate::bsdf::{Bsdf, Selection};
+use crate::lanes::Vector;
 use crate::material::{InterfaceCache, LobeGeometry, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::sampling::uniform_sphere;
@@ -18,12 +18,12 @@ const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
 /// Energy may be off by this much: interpolation of the albedo tables, and sampling noise.
 const TOLERANCE: f32 = 0.005;
 
-fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Bsdf {
+fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Bsdf<f32> {
     let material = SurfaceMaterial::new(MaterialId(0), &Arc::new(material.clone()), &BTreeMap::new(), cache);
-    let basis = Basis::from_normal(Vec3::Z);
-    let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-    let at = TextureCoordinates { color: Vec4::ONE, ..TextureCoordinates::default() };
-    let geometry = LobeGeometry { basis, coat_basis: basis, ng: Vec3::Z, wo, front };
+    let normal = Vector::from(Vec3::Z);
+    let wo = Vector::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    let at = TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color: Vec4::ONE.into() };
+    let geometry = LobeGeometry { normal, coat_normal: normal, ng: normal, wo, front };
     material.appearance(&at, &geometry).bsdf
 }
 
@@ -37,24 +37,25 @@ fn points(n: u32) -> impl Iterator<Item = (f32, Vec2)> {
 
 /// Radiance scattered towards `wo` in the furnace, by sampling. Refraction squeezes radiance by η²; a furnace inside
 /// the solid would be brighter by as much, so it is taken out.
-fn furnace_by_sampling(bsdf: &Bsdf, n: u32) -> Vec3 {
+fn furnace_by_sampling(bsdf: &Bsdf<f32>, n: u32) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for (u_lobe, u) in points(n) {
-        if let Some(sample) = bsdf.sample(u_lobe, u, Lobes::ALL) {
+        let sample = bsdf.sample(u_lobe, u.into(), Selection::ALL);
+        if sample.valid {
             let eta = if sample.transmitted { bsdf.transmitted_eta() } else { 1.0 };
-            sum += sample.weight * (eta * eta);
+            sum += Vec3::from(sample.weight) * (eta * eta);
         }
     }
     sum / n as f32
 }
 
 /// The same by evaluating the scattering function at uniform directions; not for smooth lobes.
-fn furnace_by_quadrature(bsdf: &Bsdf, n: u32) -> Vec3 {
+fn furnace_by_quadrature(bsdf: &Bsdf<f32>, n: u32) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for (_, u) in points(n) {
         let wi = uniform_sphere(u);
         let eta = if wi.z < 0.0 { bsdf.transmitted_eta() } else { 1.0 };
-        sum += bsdf.evaluate(wi, Lobes::ALL).f_cos * (eta * eta);
+        sum += Vec3::from(bsdf.evaluate(wi.into(), Selection::ALL).f_cos) * (eta * eta);
     }
     sum * (4.0 * PI / n as f32)
 }
@@ -153,14 +154,15 @@ fn sampled_directions_follow_their_density() {
         let mut expected = [0.0; BINS * BINS];
         let n = 1 << 16;
         for (u_lobe, u) in points(n) {
-            if let Some(sample) = bsdf.sample(u_lobe, u, Lobes::ALL) {
-                sampled[bin(sample.wi)] += 1.0 / n as f32;
+            let sample = bsdf.sample(u_lobe, u.into(), Selection::ALL);
+            if sample.valid {
+                sampled[bin(sample.wi.into())] += 1.0 / n as f32;
             }
         }
         let quadrature = 4 * n;
         for (_, u) in points(quadrature) {
             let wi = uniform_sphere(u);
-            expected[bin(wi)] += bsdf.evaluate(wi, Lobes::ALL).pdf * 4.0 * PI / quadrature as f32;
+            expected[bin(wi)] += bsdf.evaluate(wi.into(), Selection::ALL).pdf * 4.0 * PI / quadrature as f32;
         }
         for i in 0..BINS * BINS {
             let (s, e) = (sampled[i], expected[i]);

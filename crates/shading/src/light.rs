@@ -8,11 +8,17 @@ use glam::{Vec2, Vec3};
 use heliostat_scene::{Geometry, Light, LightKind, SceneBounds};
 
 use crate::color::luminance;
+use fearless_simd::{Level, Simd};
+
 use crate::environment::EnvironmentLight;
+use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::material::SurfaceMaterial;
 use crate::quadric;
 use crate::sampling::{Discrete, uniform_triangle};
-use crate::surface::{Corners, Met, Placement, ShadedPart};
+use crate::surface::{LaneMode, Surfaces};
+use crate::packet::{Illumination, on_lanes};
+use crate::placement::{Placement, ShadedPart};
+use crate::point::{Corners, Met};
 
 /// Every light of a scene: points, spots, directions, emissive parts of placements, the environment.
 #[derive(Clone, Debug, Default)]
@@ -190,11 +196,52 @@ impl Lights {
         u_triangle: f32,
     ) -> Option<LightSample> {
         match &self.emitters[emitter] {
-            Emitter::Light(kind) => sample_light(kind, position),
+            Emitter::Light(kind) => {
+                let (wi, distance, weight) = from_light(kind, position.into());
+                let weight = Vec3::from(weight);
+                let sample = LightSample { wi: wi.into(), distance, weight, pdf: 0.0 };
+                (weight != Vec3::ZERO).then_some(sample)
+            }
             Emitter::Area(area) => area.sample(tables, (position, time), u, u_triangle),
             Emitter::Environment => {
                 let (wi, radiance, pdf) = self.environment.sample(u)?;
                 Some(LightSample { wi, distance: f32::INFINITY, weight: radiance / pdf, pdf })
+            }
+        }
+    }
+
+    /// Whether sampling the emitter takes random numbers: it has area, or is all around.
+    pub fn is_extended(&self, emitter: usize) -> bool {
+        !matches!(self.emitters[emitter], Emitter::Light(_))
+    }
+
+    /// Samples light from one emitter for the first `count` lanes of a packet. `along` gives the time and the sample points
+    /// of a lane; the points are asked for only if the emitter [is extended](Self::is_extended).
+    pub(crate) fn illuminate(
+        &self,
+        tables: Tables<'_>,
+        emitter: usize,
+        surfaces: &Surfaces,
+        along: impl Fn(usize) -> (f32, [f32; 4]),
+        count: usize,
+        out: &mut Illumination,
+    ) {
+        if let Emitter::Light(kind) = &self.emitters[emitter] {
+            let position = &surfaces.position;
+            on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(
+                token, lane, kind, position, out
+            ));
+            return;
+        }
+        for lane in 0..count {
+            let (time, [u, v, u_triangle, _]) = along(lane);
+            let at = (surfaces.position.get(lane), time);
+            let sample = self.sample(tables, emitter, at, Vec2::new(u, v), u_triangle);
+            out.weight.set(lane, sample.map_or(Vec3::ZERO, |sample| sample.weight));
+            if let Some(sample) = sample {
+                out.wi.set(lane, sample.wi);
+                out.distance.0[lane] = sample.distance;
+                out.pdf.0[lane] = sample.pdf;
             }
         }
     }
@@ -262,39 +309,61 @@ fn power(kind: &LightKind, cross_section: f32) -> f32 {
     }
 }
 
-fn sample_light(kind: &LightKind, position: Vec3) -> Option<LightSample> {
-    let from_point = |light: Vec3, intensity: Vec3, range: f32| {
-        let to_light = light - position;
-        let wi = to_light.try_normalize()?;
-        let distance = to_light.length();
-        let weight = intensity * (range_window(distance, range) / (distance * distance));
-        Some(LightSample { wi, distance: distance * (1.0 - 1e-5), weight, pdf: 0.0 })
-    };
-    let sample = match *kind {
-        LightKind::Point { position, intensity, range } => from_point(position, intensity, range)?,
-        LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, range } => {
-            let mut sample = from_point(position, intensity, range)?;
-            let cos = -sample.wi.dot(direction.normalize_or_zero());
-            let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
-            // KHR_lights_punctual, "Inner and Outer Cone Angles".
-            let fade = ((cos - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
-            sample.weight *= fade * fade;
-            sample
+/// Light from a light without area at points, per lane: direction, distance and radiance over density.
+#[inline(always)]
+fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector<F>) {
+    let token = at.token();
+    let constant = |v: Vec3| Vector::<F>::constant(token, v);
+    let (position, power, range) = match *kind {
+        LightKind::Point { position, intensity, range } => (position, intensity, range),
+        LightKind::Spot { position, intensity, range, .. } => (position, intensity, range),
+        LightKind::ConstantPoint { position, irradiance } => (position, irradiance, f32::INFINITY),
+        LightKind::Directional { direction, irradiance } => {
+            let wi = (-direction).try_normalize();
+            let irradiance = if wi.is_some() { irradiance } else { Vec3::ZERO };
+            return (constant(wi.unwrap_or_default()), F::constant(token, f32::INFINITY), constant(irradiance));
         }
-        LightKind::ConstantPoint { position: light, irradiance } => {
-            LightSample { weight: irradiance, ..from_point(light, irradiance, f32::INFINITY)? }
-        }
-        LightKind::Directional { direction, irradiance } => LightSample {
-            wi: -direction.try_normalize()?,
-            distance: f32::INFINITY,
-            weight: irradiance,
-            pdf: 0.0,
-        },
     };
-    (sample.weight.is_finite() && sample.weight.max_element() > 0.0).then_some(sample)
+    let to_light = constant(position) - at;
+    let distance2 = to_light.length_squared();
+    let distance = distance2.sqrt();
+    let zero = distance.splat(0.0);
+    let wi = to_light.normalized_or(constant(Vec3::ZERO));
+    let mut factor = match kind {
+        LightKind::ConstantPoint { .. } => zero.splat(1.0),
+        _ => distance2.recip() * range_window(distance, range),
+    };
+    if let LightKind::Spot { direction, inner_angle, outer_angle, .. } = kind {
+        let cos = -wi.dot(constant(direction.normalize_or_zero()));
+        let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
+        // KHR_lights_punctual, "Inner and Outer Cone Angles".
+        let fade = ((cos - outer) * (1.0 / (inner - outer).max(1e-3))).clamp(0.0, 1.0);
+        factor = factor * fade * fade;
+    }
+    let usable = factor.gt(zero) & factor.lt(zero.splat(f32::INFINITY)) & distance.gt(zero);
+    (wi, distance * (1.0 - 1e-5), (constant(power) * factor).only(usable))
 }
 
 /// The recommended fade of KHR_lights_punctual, without the inverse square.
-fn range_window(distance: f32, range: f32) -> f32 {
-    if range.is_infinite() { 1.0 } else { (1.0 - (distance / range).powi(4)).clamp(0.0, 1.0) }
+#[inline(always)]
+fn range_window<F: Real>(distance: F, range: f32) -> F {
+    if range.is_infinite() {
+        return distance.splat(1.0);
+    }
+    (distance * (1.0 / range)).squared().squared().complement().clamp(0.0, 1.0)
+}
+
+#[inline(always)]
+fn light_lanes<F: Real>(
+    token: F::Token,
+    lane: usize,
+    kind: &LightKind,
+    position: &Vectors,
+    out: &mut Illumination,
+) {
+    let (wi, distance, weight) = from_light::<F>(kind, Vector::load(token, position, lane));
+    wi.store(&mut out.wi, lane);
+    distance.store(&mut out.distance, lane);
+    weight.store(&mut out.weight, lane);
+    F::constant(token, 0.0).store(&mut out.pdf, lane);
 }

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3};
 use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, TextureId, TextureRef};
 
 use crate::albedo::{InterfaceTables, reflection};
-use crate::basis::Basis;
 use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, ThinTransmission};
-use crate::fresnel::{dielectric, normal_incidence};
+use crate::color::Rgba;
+use crate::fresnel::{dielectric, normal_incidence, schlick_weight};
+use crate::lanes::{LaneFn, Mask, Real, Vector};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::texture::MipMap;
 
@@ -23,6 +24,8 @@ const MIRROR_IOR: f32 = 1e5;
 pub(crate) struct Slot {
     map: Arc<MipMap>,
     pub(crate) reference: TextureRef,
+    /// log2 of the texels along a unit of the mesh's coordinates.
+    scale: f32,
 }
 
 /// A material with everything it refers to.
@@ -43,42 +46,46 @@ pub struct SurfaceMaterial {
     pub(crate) coat_normal: Option<Slot>,
     interface: Option<Arc<InterfaceTables>>,
     textured: bool,
+    /// The lobes that may have energy somewhere.
+    lobes: Lobes,
 }
 
 /// Texture coordinates at a point: both sets, and the footprint per set.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct TextureCoordinates {
-    pub(crate) uv: [Vec2; 2],
-    /// log2 of the footprint's width in texture space; 0 where nothing is looked up.
-    pub(crate) lod: [f32; 2],
-    /// Linear RGBA of the mesh.
-    pub(crate) color: Vec4,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TextureCoordinates<F> {
+    pub(crate) uv: [[F; 2]; 2],
+    /// log2 of the footprint's width in texture space; anything where nothing is looked up.
+    pub(crate) lod: [F; 2],
+    /// Of the mesh.
+    pub(crate) color: Rgba<F>,
 }
 
 /// The geometry that lobes need.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LobeGeometry {
-    pub(crate) basis: Basis,
-    pub(crate) coat_basis: Basis,
+pub(crate) struct LobeGeometry<F: Real> {
+    /// Shading normal on `wo`'s side.
+    pub(crate) normal: Vector<F>,
+    /// The coat's.
+    pub(crate) coat_normal: Vector<F>,
     /// On `wo`'s side.
-    pub(crate) ng: Vec3,
-    pub(crate) wo: Vec3,
+    pub(crate) ng: Vector<F>,
+    pub(crate) wo: Vector<F>,
     /// Whether `wo` sees the front.
-    pub(crate) front: bool,
+    pub(crate) front: F::Mask,
 }
 
 /// What a material does with light at a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Appearance {
-    pub(crate) bsdf: Bsdf,
+pub(crate) struct Appearance<F> {
+    pub(crate) bsdf: Bsdf<F>,
     /// Share of light that meets the surface at all.
-    pub(crate) coverage: f32,
+    pub(crate) coverage: F,
     /// Light that passes straight through, per channel: holes and clear thin sheets.
-    pub(crate) through: Vec3,
+    pub(crate) through: Vector<F>,
     /// Reflected share of uniform white light.
-    pub(crate) albedo: Vec3,
+    pub(crate) albedo: Vector<F>,
     /// Radiance of the classical ambient term.
-    pub(crate) ambient: Vec3,
+    pub(crate) ambient: Vector<F>,
 }
 
 /// Shared tables of interfaces, by the bits of their index.
@@ -94,7 +101,7 @@ impl SurfaceMaterial {
     ) -> Self {
         let slot = |reference: &Option<TextureRef>| {
             let reference = (*reference)?;
-            Some(Slot { map: textures.get(&reference.texture)?.clone(), reference })
+            Some(Slot::new(textures.get(&reference.texture)?.clone(), reference))
         };
         let coat = source.clearcoat.as_ref();
         let solid = source.transmission > 0.0 && source.volume.is_some() && !source.unlit;
@@ -117,7 +124,13 @@ impl SurfaceMaterial {
             coat_normal: coat.and_then(|c| slot(&c.normal_texture)),
             interface,
             textured: source.textures().next().is_some(),
+            lobes: possible_lobes(source),
         }
+    }
+
+    /// The lobes that may have energy somewhere.
+    pub fn lobes(&self) -> Lobes {
+        self.lobes
     }
 
     /// The material as it is or as `materials` makes it.
@@ -158,25 +171,29 @@ impl SurfaceMaterial {
     }
 
     /// Radiance emitted where `at`, towards the front (`front`) or the back.
-    pub(crate) fn emission(&self, at: &TextureCoordinates, front: bool) -> Vec3 {
-        if !(front || self.source.double_sided) || self.source.emissive == Vec3::ZERO {
-            return Vec3::ZERO;
+    #[inline(always)]
+    pub(crate) fn emission<F: Real>(&self, at: &TextureCoordinates<F>, front: F::Mask) -> Vector<F> {
+        let token = at.color.a.token();
+        if self.source.emissive == Vec3::ZERO {
+            return Vector::constant(token, Vec3::ZERO);
         }
-        self.source.emissive * lookup(&self.emissive, at).truncate()
+        let emission = Vector::constant(token, self.source.emissive) * lookup(&self.emissive, at).rgb;
+        if self.source.double_sided { emission } else { emission.only(front) }
     }
 
     /// Emission of the share of the surface that is there; nothing comes from its holes.
-    pub(crate) fn visible_emission(&self, at: &TextureCoordinates, front: bool) -> Vec3 {
-        match self.source.alpha_mode {
-            AlphaMode::Opaque => self.emission(at, front),
-            _ => self.emission(at, front) * self.coverage(self.base_color(at).w),
-        }
+    pub(crate) fn visible_emission(&self, at: &TextureCoordinates<f32>, front: bool) -> Vec3 {
+        let coverage = match self.source.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            _ => self.coverage(self.base_color(at).a),
+        };
+        (self.emission(at, front) * coverage).into()
     }
 
     /// Mean of the emission over the texture.
     pub(crate) fn mean_emission(&self) -> Vec3 {
-        let texture = self.emissive.as_ref().map_or(Vec4::ONE, |slot| slot.map.mean());
-        self.source.emissive * texture.truncate()
+        let texture = self.emissive.as_ref().map_or(Vec3::ONE, |slot| slot.map.mean().truncate());
+        self.source.emissive * texture
     }
 
     /// Absorption per metre inside the solid that this material bounds.
@@ -189,171 +206,242 @@ impl SurfaceMaterial {
     }
 
     /// Base colour with alpha, mesh colours included.
-    pub(crate) fn base_color(&self, at: &TextureCoordinates) -> Vec4 {
-        (self.source.base_color * lookup(&self.base_color, at) * at.color).clamp(Vec4::ZERO, Vec4::ONE)
+    #[inline(always)]
+    pub(crate) fn base_color<F: Real>(&self, at: &TextureCoordinates<F>) -> Rgba<F> {
+        let token = at.color.a.token();
+        let factor = self.source.base_color;
+        let texel = lookup(&self.base_color, at);
+        Rgba {
+            rgb: (Vector::constant(token, factor.truncate()) * texel.rgb * at.color.rgb).clamp(0.0, 1.0),
+            a: (texel.a * at.color.a * factor.w).clamp(0.0, 1.0),
+        }
     }
 
     /// Radiance of the classical ambient term.
-    fn ambient(&self, at: &TextureCoordinates) -> Vec3 {
-        let ambient = self.source.ambient;
-        if ambient == Vec3::ZERO { ambient } else { ambient * lookup(&self.base_color, at).truncate() }
+    #[inline(always)]
+    fn ambient<F: Real>(&self, at: &TextureCoordinates<F>) -> Vector<F> {
+        let ambient = Vector::constant(at.color.a.token(), self.source.ambient);
+        if self.source.ambient == Vec3::ZERO { ambient } else { ambient * lookup(&self.base_color, at).rgb }
     }
 
     /// Share of light that meets the surface, from the base colour's alpha.
-    pub(crate) fn coverage(&self, alpha: f32) -> f32 {
+    #[inline(always)]
+    pub(crate) fn coverage<F: Real>(&self, alpha: F) -> F {
+        let one = alpha.splat(1.0);
         match self.source.alpha_mode {
-            AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask { cutoff } => f32::from(alpha >= cutoff),
+            AlphaMode::Opaque => one,
+            AlphaMode::Mask { cutoff } => one.only(alpha.ge(alpha.splat(cutoff))),
             AlphaMode::Blend => alpha,
         }
     }
 
     /// The material's parameters at a point turned into lobes.
-    pub(crate) fn appearance(&self, at: &TextureCoordinates, geometry: &LobeGeometry) -> Appearance {
+    #[inline(always)]
+    pub(crate) fn appearance<F: Real>(
+        &self,
+        at: &TextureCoordinates<F>,
+        geometry: &LobeGeometry<F>,
+    ) -> Appearance<F> {
         let m = &*self.source;
         let base = self.base_color(at);
-        let coverage = self.coverage(base.w);
-        let base = base.truncate();
-        let metallic_roughness = lookup(&self.metallic_roughness, at);
-        let alpha = squared((m.roughness * metallic_roughness.y).clamp(0.0, 1.0));
-        let metallic = (m.metallic * metallic_roughness.z).clamp(0.0, 1.0);
-        let transmission = (m.transmission * lookup(&self.transmission, at).x).clamp(0.0, 1.0);
-        let specular = (m.specular * lookup(&self.specular, at).w).clamp(0.0, 1.0);
-        let tint = m.specular_color * lookup(&self.specular_color, at).truncate();
-
-        let cos = geometry.basis.z.dot(geometry.wo).clamp(1e-5, 1.0);
-        let kept = kept_by_ggx(cos, alpha);
-        let solid = self.interface.is_some();
-        // A thin sheet's two faces reflect together like the opaque base's one; a solid's interface is a lobe of its own.
-        let dielectric_weight = (1.0 - metallic) * if solid { 1.0 - transmission } else { 1.0 };
-        let f0 = (normal_incidence(m.ior) * tint).min(Vec3::ONE) * specular;
-        let metal = Layer::new(base, Vec3::ONE, kept);
-        let dielectric = Layer::new(f0, Vec3::splat(specular), kept);
-        let below = base * (Vec3::ONE - dielectric.albedo).max(Vec3::ZERO);
+        let coverage = self.coverage(base.a);
+        let base = base.rgb;
+        let (zero, one) = (coverage.splat(0.0), coverage.splat(1.0));
+        let black = Vector::grey(zero);
+        let metallic_roughness = lookup(&self.metallic_roughness, at).rgb;
+        let alpha = (metallic_roughness.y * m.roughness).clamp(0.0, 1.0).squared();
+        let metallic = (metallic_roughness.z * m.metallic).clamp(0.0, 1.0);
+        let cos = geometry.normal.dot(geometry.wo).clamp(1e-5, 1.0);
 
         let coat = self.coat_layer(at, geometry);
-        let uncoated = 1.0 - coat.albedo;
-        let specular_albedo = (metal.albedo * metallic + dielectric.albedo * dielectric_weight) * uncoated;
-        let diffuse = below * ((1.0 - metallic) * (1.0 - transmission) * uncoated);
-        let sheet = if solid { Vec3::ZERO } else { below * ((1.0 - metallic) * transmission * uncoated) };
-        let smooth = alpha <= SMOOTH_ALPHA;
-        let clear = if smooth { sheet } else { Vec3::ZERO };
-        let glass = self.glass(base, alpha, cos, geometry.front, (1.0 - metallic) * transmission * uncoated);
+        let uncoated = coat.albedo.complement();
+        let below = metallic.complement() * uncoated;
+        let transmission = match m.transmission > 0.0 {
+            true => (lookup(&self.transmission, at).rgb.x * m.transmission).clamp(0.0, 1.0),
+            false => zero,
+        };
+        let solid = self.interface.is_some();
 
-        let bsdf = Bsdf {
-            basis: geometry.basis,
-            coat_basis: geometry.coat_basis,
+        // A thin sheet's two faces reflect together like the opaque base's one; a solid's interface is a lobe of its own.
+        let (mut specular, mut specular_albedo, mut base_kept) = (Reflection::none(zero), black, base);
+        if self.lobes.contains(Lobes::SPECULAR) {
+            let kept = kept_by_ggx(cos, alpha);
+            let strength = (lookup(&self.specular, at).a * m.specular).clamp(0.0, 1.0);
+            let tint = Vector::constant(zero.token(), m.specular_color) * lookup(&self.specular_color, at).rgb;
+            let f0 = tint.scaled(normal_incidence(m.ior)).clamp(0.0, 1.0) * strength;
+            let metal = Layer::new(base, Vector::grey(one), kept);
+            let dielectric = Layer::new(f0, Vector::grey(strength), kept);
+            base_kept = base * dielectric.albedo.complement().positive();
+            let metal_weight = metallic * uncoated;
+            let dielectric_weight = if solid { below * transmission.complement() } else { below };
+            specular_albedo = metal.albedo * metal_weight + dielectric.albedo * dielectric_weight;
+            specular = Reflection {
+                f0: metal.f0 * metal_weight + dielectric.f0 * dielectric_weight,
+                f90: metal.f90 * metal_weight + dielectric.f90 * dielectric_weight,
+                alpha,
+            };
+        }
+        let diffuse = base_kept * (below * transmission.complement());
+        let mut albedo = diffuse + specular_albedo + Vector::grey(coat.albedo);
+        let mut through = Vector::grey(coverage.complement());
+        let mut glass = Glass::none(zero);
+        let mut thin = ThinTransmission { color: black, alpha };
+        if solid {
+            glass = self.glass(base, alpha, cos, geometry.front, below * transmission);
+            albedo = albedo + glass.albedo();
+        } else if m.transmission > 0.0 {
+            let sheet = base_kept * (below * transmission);
+            let clear = sheet.only(alpha.le(alpha.splat(SMOOTH_ALPHA)));
+            let kept = kept_by_ggx(cos, alpha);
+            thin.color = (sheet - clear) * (kept[0] + kept[1]).max(zero.splat(1e-3)).recip();
+            through = through + clear * coverage;
+            albedo = albedo + sheet;
+        }
+        let mut bsdf = Bsdf {
+            normal: geometry.normal,
+            coat_normal: geometry.coat_normal,
             ng: geometry.ng,
             wo: geometry.wo,
             diffuse,
-            specular: Reflection {
-                f0: (metal.f0 * metallic + dielectric.f0 * dielectric_weight) * uncoated,
-                f90: (metal.f90 * metallic + dielectric.f90 * dielectric_weight) * uncoated,
-                alpha,
-            },
+            specular,
             coat: coat.reflection,
             glass,
-            thin: ThinTransmission { color: (sheet - clear) / (kept.x + kept.y).max(1e-3), alpha },
-            lobes: Lobes::NONE,
-            choice: [0.0; 5],
+            thin,
+            lobes: self.lobes,
+            choice: [zero; 5],
         };
-        Appearance {
-            bsdf: bsdf.finish(specular_albedo, coat.albedo),
-            coverage,
-            through: Vec3::splat(1.0 - coverage) + clear * coverage,
-            albedo: diffuse
-                + specular_albedo
-                + coat.albedo
-                + glass.reflect.lerp(glass.transmit, 1.0 - glass.reflectance)
-                + sheet,
-            ambient: self.ambient(at),
-        }
+        bsdf.choose(specular_albedo, coat.albedo);
+        Appearance { bsdf, coverage, through, albedo, ambient: self.ambient(at) }
     }
 
     /// The interface of a solid, weighted so that a clear one loses nothing at any roughness.
-    fn glass(&self, base: Vec3, alpha: f32, cos: f32, front: bool, weight: f32) -> Glass {
-        let Some(tables) = self.interface.as_ref().filter(|_| weight > 0.0) else { return Glass::NONE };
+    #[inline(always)]
+    fn glass<F: Real>(&self, base: Vector<F>, alpha: F, cos: F, front: F::Mask, weight: F) -> Glass<F> {
+        let zero = alpha.splat(0.0);
+        let Some(tables) = self.interface.as_ref() else { return Glass::none(zero) };
         let ior = effective_ior(self.source.ior);
-        let (eta, table) = if front { (ior, &tables.entering) } else { (1.0 / ior, &tables.leaving) };
+        let eta = zero.splat(ior).where_or(front, zero.splat(1.0 / ior));
         // Without a step of the index nothing bends, however rough.
-        let alpha = if (ior - 1.0).abs() < 1e-3 { 0.0 } else { alpha };
-        let (reflectance, kept) = if alpha <= SMOOTH_ALPHA {
-            (dielectric(cos, eta), 1.0)
-        } else {
-            let split = table.lookup(cos, alpha);
-            let kept = split.element_sum().max(1e-3);
-            (split.x / kept, kept)
-        };
-        let weight = Vec3::splat(weight / kept);
+        let alpha = if (ior - 1.0).abs() < 1e-3 { zero } else { alpha };
+        let smooth = alpha.le(alpha.splat(SMOOTH_ALPHA));
+        let (mut reflectance, mut kept) = (dielectric(cos, eta), zero.splat(1.0));
+        if !smooth.all() {
+            let entering = tables.entering.lookup(cos, alpha);
+            let leaving = tables.leaving.lookup(cos, alpha);
+            let reflected = entering[0].where_or(front, leaving[0]);
+            let sum = (reflected + entering[1].where_or(front, leaving[1])).max(zero.splat(1e-3));
+            reflectance = reflectance.where_or(smooth, reflected / sum);
+            kept = kept.where_or(smooth, sum);
+        }
+        let weight = weight / kept;
         Glass { eta, alpha, reflectance, reflect: weight, transmit: base * weight }
     }
 
-    fn coat_layer(&self, at: &TextureCoordinates, geometry: &LobeGeometry) -> Coat {
-        let Some(coat) = &self.source.clearcoat else { return Coat::NONE };
-        let factor = (coat.factor * lookup(&self.coat, at).x).clamp(0.0, 1.0);
-        if factor == 0.0 {
-            return Coat::NONE;
-        }
-        let alpha = squared((coat.roughness * lookup(&self.coat_roughness, at).y).clamp(0.0, 1.0));
-        let cos = geometry.coat_basis.z.dot(geometry.wo).clamp(1e-5, 1.0);
-        let layer = Layer::new(Vec3::splat(COAT_F0), Vec3::ONE, kept_by_ggx(cos, alpha));
+    #[inline(always)]
+    fn coat_layer<F: Real>(&self, at: &TextureCoordinates<F>, geometry: &LobeGeometry<F>) -> Coat<F> {
+        let zero = at.color.a.splat(0.0);
+        let Some(coat) = self.source.clearcoat.as_ref().filter(|_| self.lobes.contains(Lobes::COAT)) else {
+            return Coat { reflection: Reflection::none(zero), albedo: zero };
+        };
+        let factor = (lookup(&self.coat, at).rgb.x * coat.factor).clamp(0.0, 1.0);
+        let alpha = (lookup(&self.coat_roughness, at).rgb.y * coat.roughness).clamp(0.0, 1.0).squared();
+        let cos = geometry.coat_normal.dot(geometry.wo).clamp(1e-5, 1.0);
+        let f0 = Vector::grey(zero.splat(COAT_F0));
+        let layer = Layer::new(f0, Vector::grey(zero.splat(1.0)), kept_by_ggx(cos, alpha));
         let reflection = Reflection { f0: layer.f0 * factor, f90: layer.f90 * factor, alpha };
-        Coat { reflection, albedo: (layer.albedo.x * factor).min(1.0) }
+        Coat { reflection, albedo: (layer.albedo.x * factor).min(zero.splat(1.0)) }
     }
 }
 
-/// A reflecting layer under Schlick's Fresnel term with the energy of multiple scattering given back.
-struct Layer {
-    f0: Vec3,
-    f90: Vec3,
-    albedo: Vec3,
+/// The lobes that a material may have anywhere, by its constants.
+fn possible_lobes(m: &Material) -> Lobes {
+    if m.unlit {
+        return Lobes::NONE;
+    }
+    let solid = m.volume.is_some();
+    // The constants are multiplied by textures of values up to 1: those below 1 may reach anything, those of 1 too.
+    let all_metal = m.metallic >= 1.0 && m.metallic_roughness_texture.is_none();
+    let all_transmitted = m.transmission >= 1.0 && m.transmission_texture.is_none();
+    let present = [
+        (Lobes::DIFFUSE, !all_metal && !all_transmitted),
+        (Lobes::SPECULAR, m.metallic > 0.0 || (m.specular > 0.0 && !(solid && all_transmitted))),
+        (Lobes::COAT, m.clearcoat.as_ref().is_some_and(|coat| coat.factor > 0.0)),
+        (Lobes::GLASS_REFLECT.union(Lobes::GLASS_TRANSMIT), m.transmission > 0.0 && solid && !all_metal),
+        (Lobes::THIN_TRANSMIT, m.transmission > 0.0 && !solid && !all_metal),
+    ];
+    present.into_iter().filter(|(_, is)| *is).fold(Lobes::NONE, |set, (lobe, _)| set.union(lobe))
 }
 
-impl Layer {
+/// A reflecting layer under Schlick's Fresnel term with the energy of multiple scattering given back.
+struct Layer<F> {
+    f0: Vector<F>,
+    f90: Vector<F>,
+    albedo: Vector<F>,
+}
+
+impl<F: Real> Layer<F> {
     /// Turquin 2019, equation 15: the lobe is scaled by 1 + F0 (1 − E) / E.
-    fn new(f0: Vec3, f90: Vec3, kept: Vec2) -> Self {
-        let compensation = Vec3::ONE + f0 * (1.0 / (kept.x + kept.y).max(1e-3) - 1.0);
-        let albedo = (f0 * kept.x + f90 * kept.y) * compensation;
+    #[inline(always)]
+    fn new(f0: Vector<F>, f90: Vector<F>, kept: [F; 2]) -> Self {
+        let one = kept[0].splat(1.0);
+        let lost = (kept[0] + kept[1]).max(kept[0].splat(1e-3)).recip() - 1.0;
+        let compensation = Vector::grey(one) + f0 * lost;
+        let albedo = (f0 * kept[0] + f90 * kept[1]) * compensation;
         Self { f0: f0 * compensation, f90: f90 * compensation, albedo }
     }
 }
 
-struct Coat {
-    reflection: Reflection,
-    albedo: f32,
-}
-
-impl Coat {
-    const NONE: Self = Self { reflection: Reflection::NONE, albedo: 0.0 };
+struct Coat<F> {
+    reflection: Reflection<F>,
+    albedo: F,
 }
 
 /// The split albedo of single scattering; smooth lobes follow Schlick's term exactly.
-fn kept_by_ggx(cos: f32, alpha: f32) -> Vec2 {
-    if alpha <= SMOOTH_ALPHA {
-        let schlick = crate::fresnel::schlick_weight(cos);
-        return Vec2::new(1.0 - schlick, schlick);
+#[inline(always)]
+fn kept_by_ggx<F: Real>(cos: F, alpha: F) -> [F; 2] {
+    let smooth = alpha.le(alpha.splat(SMOOTH_ALPHA));
+    let schlick = schlick_weight(cos);
+    let exact = [schlick.complement(), schlick];
+    if smooth.all() {
+        return exact;
     }
-    reflection().lookup(cos, alpha)
+    let [a, b] = reflection().lookup(cos, alpha);
+    [exact[0].where_or(smooth, a), exact[1].where_or(smooth, b)]
 }
 
 fn effective_ior(ior: f32) -> f32 {
     if ior == 0.0 { MIRROR_IOR } else { ior.min(MIRROR_IOR) }
 }
 
-fn squared(x: f32) -> f32 {
-    x * x
-}
-
-pub(crate) fn lookup(slot: &Option<Slot>, at: &TextureCoordinates) -> Vec4 {
-    slot.as_ref().map_or(Vec4::ONE, |slot| slot.lookup(at))
+#[inline(always)]
+pub(crate) fn lookup<F: Real>(slot: &Option<Slot>, at: &TextureCoordinates<F>) -> Rgba<F> {
+    match slot {
+        Some(slot) => slot.lookup(at),
+        None => Rgba::white(at.color.a),
+    }
 }
 
 impl Slot {
-    pub(crate) fn lookup(&self, at: &TextureCoordinates) -> Vec4 {
+    fn new(map: Arc<MipMap>, reference: TextureRef) -> Self {
+        let texels = map.size();
+        let area = reference.transform.0.matrix2.determinant().abs() * texels.x * texels.y;
+        Self { map, reference, scale: 0.5 * area.max(1e-20).log2() }
+    }
+
+    /// The texel under the footprint.
+    #[inline(always)]
+    pub(crate) fn lookup<F: Real>(&self, at: &TextureCoordinates<F>) -> Rgba<F> {
         let set = usize::from(self.reference.uv_set.min(1));
+        let [u, v] = at.uv[set];
+        let [r, g, b, a] = F::each([u, v, at.lod[set]], self);
+        Rgba { rgb: Vector::new(r, g, b), a }
+    }
+}
+
+/// The texel at the mesh's coordinates, and log2 of the footprint's width in them.
+impl LaneFn<3, 4> for Slot {
+    fn at(&self, [u, v, lod]: [f32; 3]) -> [f32; 4] {
         let transform = &self.reference.transform.0;
-        let texels = self.map.size();
-        let scale = 0.5 * (transform.matrix2.determinant().abs() * texels.x * texels.y).max(1e-20).log2();
-        self.map.lookup(transform.transform_point2(at.uv[set]), at.lod[set] + scale)
+        self.map.lookup(transform.transform_point2(Vec2::new(u, v)), lod + self.scale).to_array()
     }
 }

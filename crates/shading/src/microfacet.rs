@@ -4,51 +4,66 @@
 //! Walter et al., "Microfacet Models for Refraction through Rough Surfaces", 2007. Heitz, "Understanding the
 //! Masking-Shadowing Function", 2014. Dupuy, Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3};
+use crate::lanes::{Real, Vector, cos_sin_turns};
 
 /// Below this α a surface is treated as perfectly smooth: floats cannot resolve the lobe.
 pub const SMOOTH_ALPHA: f32 = 1e-3;
 
 /// Density of microfacet normals D(h), per steradian of projected area.
-pub fn density(h: Vec3, alpha: f32) -> f32 {
+#[inline(always)]
+pub fn density<F: Real>(h: Vector<F>, alpha: F) -> F {
     let a2 = alpha * alpha;
     // sin² from x and y: 1 − z² would cancel for narrow lobes.
     let s = h.z * h.z * a2 + h.x * h.x + h.y * h.y;
-    a2 / (PI * s * s)
+    a2 / (s * s * PI)
 }
 
 /// Smith's masking G1 for a direction with cosine `cos` > 0.
-pub fn masking(cos: f32, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    2.0 * cos / (cos + (a2 + (1.0 - a2) * cos * cos).sqrt())
+#[inline(always)]
+pub fn masking<F: Real>(cos: F, alpha: F) -> F {
+    cos * 2.0 / (cos + projected(cos, alpha))
 }
 
 /// Height-correlated masking and shadowing G2 of two directions on the same side.
-pub fn masking_shadowing(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
+#[inline(always)]
+pub fn masking_shadowing<F: Real>(cos_o: F, cos_i: F, alpha: F) -> F {
+    cos_o * cos_i * 2.0 / (cos_i * projected(cos_o, alpha) + cos_o * projected(cos_i, alpha))
+}
+
+/// √(α² + (1 − α²) cos²)
+#[inline(always)]
+fn projected<F: Real>(cos: F, alpha: F) -> F {
     let a2 = alpha * alpha;
-    let lambda = |c: f32| (a2 + (1.0 - a2) * c * c).sqrt();
-    2.0 * cos_o * cos_i / (cos_i * lambda(cos_o) + cos_o * lambda(cos_i))
+    (a2 + a2.complement() * cos * cos).sqrt()
 }
 
 /// Density of the normals visible from `wo`: G1 ⟨wo·h⟩ D / cos θo.
-pub fn visible_density(wo: Vec3, h: Vec3, alpha: f32) -> f32 {
-    masking(wo.z, alpha) * wo.dot(h).max(0.0) * density(h, alpha) / wo.z
+#[inline(always)]
+pub fn visible_density<F: Real>(wo: Vector<F>, h: Vector<F>, alpha: F) -> F {
+    masking(wo.z, alpha) * wo.dot(h).positive() * density(h, alpha) / wo.z
 }
 
 /// A microfacet normal visible from `wo`, distributed by [`visible_density`].
-pub fn sample_visible(wo: Vec3, alpha: f32, u: Vec2) -> Vec3 {
-    let stretched = Vec3::new(wo.x * alpha, wo.y * alpha, wo.z).normalize();
+#[inline(always)]
+pub fn sample_visible<F: Real>(wo: Vector<F>, alpha: F, u: [F; 2]) -> Vector<F> {
+    let up = Vector::new(alpha.splat(0.0), alpha.splat(0.0), alpha.splat(1.0));
+    let stretched = Vector::new(wo.x * alpha, wo.y * alpha, wo.z).normalized_or(up);
     // A uniform point of the spherical cap of reflected directions, then the halfway vector.
-    let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    let h = (r * Vec2::from_angle(TAU * u.x)).extend(z) + stretched;
-    Vec3::new(h.x * alpha, h.y * alpha, h.z.max(1e-12)).normalize()
+    let z = u[1].complement() * (stretched.z + 1.0) - stretched.z;
+    let r = (z * z).complement().positive().sqrt();
+    let (cos, sin) = cos_sin_turns(u[0]);
+    let h = Vector::new(r * cos, r * sin, z) + stretched;
+    Vector::new(h.x * alpha, h.y * alpha, h.z.max(alpha.splat(1e-12))).normalized_or(up)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::TAU;
+
+    use glam::{Vec2, Vec3};
+
     use super::*;
 
     #[test]
@@ -65,7 +80,7 @@ mod tests {
                     // dω = 2π sin dθ; with u = tan²/(α² + tan²): dθ = α² (1 + tan²)^-1 / (2 tan (1 − u)²) du.
                     let tan = tan2.sqrt();
                     let d_theta = alpha * alpha / ((1.0 + tan2) * 2.0 * tan * (1.0 - u) * (1.0 - u));
-                    f64::from(density(Vec3::new(sin, 0.0, cos), alpha) * cos * TAU * sin * d_theta)
+                    f64::from(density(Vector::new(sin, 0.0, cos), alpha) * cos * TAU * sin * d_theta)
                 })
                 .sum::<f64>()
                 / f64::from(n);
@@ -81,10 +96,10 @@ mod tests {
         let mut integrated = Vec3::ZERO;
         for i in 0..n * n {
             let u = (Vec2::new((i % n) as f32, (i / n) as f32) + 0.5) / n as f32;
-            sampled += sample_visible(wo, alpha, u) / (n * n) as f32;
+            sampled += Vec3::from(sample_visible(wo.into(), alpha, u.into())) / (n * n) as f32;
             let cos = u.x;
             let h = ((1.0 - cos * cos).sqrt() * Vec2::from_angle(TAU * u.y)).extend(cos);
-            integrated += h * visible_density(wo, h, alpha) * TAU / (n * n) as f32;
+            integrated += h * visible_density(wo.into(), h.into(), alpha) * TAU / (n * n) as f32;
         }
         assert!((sampled - integrated).length() < 5e-3, "{sampled} against {integrated}");
     }

@@ -6,9 +6,8 @@ use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 use heliostat_kernel as kernel;
 use heliostat_scene::Quadric;
 
-use crate::basis::Basis;
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
-use crate::surface::Placement;
+use crate::placement::Placement;
 
 /// The kernel's form of an analytic shape.
 pub fn kernel_quadric(shape: &Quadric) -> kernel::Quadric {
@@ -20,7 +19,7 @@ pub fn kernel_quadric(shape: &Quadric) -> kernel::Quadric {
     }
 }
 
-/// A point of a shape: the counterpart of [`Corners`](crate::surface::Corners).
+/// A point of a shape: the counterpart of [`Corners`](crate::point::Corners).
 pub(crate) struct Spot {
     shape: kernel::Quadric,
     uv: Vec2,
@@ -69,13 +68,14 @@ impl Spot {
         material: &SurfaceMaterial,
         world_from_object: &Affine3A,
         width: f32,
-    ) -> TextureCoordinates {
+    ) -> TextureCoordinates<f32> {
+        let color = Vec4::ONE.into();
         if !material.is_textured() {
-            return TextureCoordinates { color: Vec4::ONE, ..TextureCoordinates::default() };
+            return TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color };
         }
         let world_area = self.point.density * self.area_scale(world_from_object);
         let lod = 0.5 * (width * width / world_area.max(f32::MIN_POSITIVE)).max(1e-30).log2();
-        TextureCoordinates { uv: [self.uv; 2], lod: [lod; 2], color: Vec4::ONE }
+        TextureCoordinates { uv: [self.uv.to_array(); 2], lod: [lod; 2], color }
     }
 
     /// As for triangles.
@@ -84,7 +84,7 @@ impl Spot {
         world_from_object: &Affine3A,
         normal: Vec3,
         slot: &Slot,
-    ) -> Option<Basis> {
+    ) -> Option<[Vec3; 2]> {
         // A texture transform turns and mirrors the directions in which its coordinates grow.
         let [u, v] = self.point.tangents.map(|t| world_from_object.transform_vector3(t));
         let matrix = slot.reference.transform.0.matrix2;
@@ -92,7 +92,7 @@ impl Spot {
         let along = |direction: Vec2| u * direction.x + v * direction.y;
         let x = along(inverse.x_axis).reject_from_normalized(normal).try_normalize()?;
         let y = normal.cross(x);
-        Some(Basis { x, y: if y.dot(along(inverse.y_axis)) > 0.0 { -y } else { y }, z: normal })
+        Some([x, if y.dot(along(inverse.y_axis)) > 0.0 { -y } else { y }])
     }
 }
 

@@ -1,8 +1,10 @@
 //! Warps of the unit square and discrete distributions.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
+
+use crate::lanes::{Real, Vector, cos_sin_turns};
 
 /// The largest float below one.
 pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -12,22 +14,26 @@ pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 /// # References
 /// Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997.
 pub fn concentric_disk(u: Vec2) -> Vec2 {
-    let o = 2.0 * u - Vec2::ONE;
-    if o == Vec2::ZERO {
-        return Vec2::ZERO;
-    }
-    let (r, theta) = if o.x.abs() > o.y.abs() {
-        (o.x, PI / 4.0 * (o.y / o.x))
-    } else {
-        (o.y, PI / 2.0 - PI / 4.0 * (o.x / o.y))
-    };
-    r * Vec2::from_angle(theta)
+    disk_lanes(u.to_array()).into()
+}
+
+/// [`concentric_disk`] on lanes.
+#[inline(always)]
+fn disk_lanes<F: Real>(u: [F; 2]) -> [F; 2] {
+    let [x, y] = [u[0] * 2.0 - 1.0, u[1] * 2.0 - 1.0];
+    let wide = x.abs().gt(y.abs());
+    let (r, other) = (x.where_or(wide, y), y.where_or(wide, x));
+    // An eighth of a turn on either side of the axis.
+    let off = (other / r * 0.125).only(!r.equals(r.splat(0.0)));
+    let (cos, sin) = cos_sin_turns(off.where_or(wide, off.splat(0.25) - off));
+    [r * cos, r * sin]
 }
 
 /// Cosine-distributed direction around +Z; pdf = z / π.
-pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
-    let d = concentric_disk(u);
-    d.extend((1.0 - d.length_squared()).max(0.0).sqrt())
+#[inline(always)]
+pub fn cosine_hemisphere<F: Real>(u: [F; 2]) -> Vector<F> {
+    let [x, y] = disk_lanes(u);
+    Vector::new(x, y, (x * x + y * y).complement().positive().sqrt())
 }
 
 /// Uniform direction; pdf = 1 / 4π.
@@ -159,7 +165,7 @@ mod tests {
     fn warps_have_their_first_moments() {
         let n = 256;
         let count = (n * n) as f32;
-        let mean_z: f32 = grid(n).map(|u| cosine_hemisphere(u).z).sum::<f32>() / count;
+        let mean_z: f32 = grid(n).map(|u| cosine_hemisphere(u.to_array()).z).sum::<f32>() / count;
         // The square root at the horizon limits midpoints on this grid to about 1e-4.
         assert!((mean_z - 2.0 / 3.0).abs() < 3e-4, "cosine hemisphere: E[z] = 2/3, got {mean_z}");
         let mean: Vec3 = grid(n).map(uniform_sphere).sum::<Vec3>() / count;

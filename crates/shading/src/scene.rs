@@ -10,7 +10,11 @@ use crate::camera::Cone;
 use crate::environment::EnvironmentLight;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
-use crate::surface::{Met, Placement, ShadedPart, Surface, SurfaceQuery, surface};
+use crate::placement::{Placement, ShadedPart};
+use crate::packet::Illumination;
+use crate::point::{Met, Points};
+use crate::sort::HitPacket;
+use crate::surface::{LaneMode, Surface, Surfaces, shade, surface};
 
 /// Materials, placements and lights, indexed the way the kernel reports hits.
 ///
@@ -26,6 +30,7 @@ pub struct ShadingScene {
     emissive: Vec<(u32, u32)>,
     lights: Lights,
     see_through: bool,
+    mode: LaneMode,
 }
 
 /// The light that a hit surface is, for multiple importance sampling.
@@ -48,6 +53,11 @@ impl ShadingScene {
         scene.see_through = scene.parts.iter().any(|parts| scene.lets_through(parts));
         scene.emissive = scene.tables().emissive();
         scene
+    }
+
+    /// Chooses how shaders run; the default is packets of the best instruction set. No result depends on it.
+    pub fn set_lane_mode(&mut self, mode: LaneMode) {
+        self.mode = mode;
     }
 
     /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
@@ -129,11 +139,40 @@ impl ShadingScene {
         self.tables().part(hit.path.0 as u32, hit.geometry)
     }
 
-    /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
-    pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface {
+    /// Index of the material that was hit. `hit` must be a hit.
+    pub fn material_of(&self, hit: &Hit) -> u32 {
+        let placement = &self.placements[hit.path.0 as usize];
+        self.parts[placement.parts as usize][hit.geometry as usize].material
+    }
+
+    /// Shades the hits of a packet into the lanes of `surfaces`, in their order. `along` gives each hit, the ray, of unit
+    /// direction, that found it, and the footprint there. `points` is scratch space.
+    pub fn shade<'a>(
+        &self,
+        packet: &HitPacket<'_>,
+        along: impl Fn(usize) -> (&'a Hit, &'a Ray, Cone),
+        points: &mut Points,
+        surfaces: &mut Surfaces,
+    ) {
+        for (lane, &index) in packet.hits.iter().enumerate() {
+            let (hit, ray, cone) = along(index as usize);
+            self.gather(lane, hit, ray, cone, points);
+        }
+        let material = &self.materials[packet.material as usize];
+        shade(self.mode, material, points, packet.hits.len(), surfaces);
+    }
+
+    fn gather(&self, lane: usize, hit: &Hit, ray: &Ray, cone: Cone, points: &mut Points) {
         let (placement, part, material) = self.part(hit);
         let moved = placement.at(ray.time);
-        surface(moved.as_ref().unwrap_or(placement), part, material, &query(hit, ray, cone))
+        points.set(lane, (moved.as_ref().unwrap_or(placement), part, material), (hit, ray, cone));
+    }
+
+    /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
+    pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface<f32> {
+        let mut points = Points::default();
+        self.gather(0, hit, ray, cone, &mut points);
+        surface((), self.part(hit).2, &points, 0)
     }
 
     /// The way straight through the surface at a hit: what passes, per channel, and where the ray goes on. `None` if
@@ -144,7 +183,8 @@ impl ShadingScene {
             return None;
         }
         let surface = self.surface(hit, ray, Cone::default());
-        (surface.through != Vec3::ZERO).then(|| (surface.through, surface.spawn(ray.direction)))
+        let through = Vec3::from(surface.through);
+        (through != Vec3::ZERO).then(|| (through, surface.spawn(ray.direction.into()).into()))
     }
 
     /// How light sampling from a point `distance` away would have found what `ray` hit; `None` if it is no light.
@@ -172,9 +212,17 @@ impl ShadingScene {
     ) -> Option<LightSample> {
         self.lights.sample(self.tables(), emitter, (position, time), u, u_triangle)
     }
-}
 
-fn query(hit: &Hit, ray: &Ray, cone: Cone) -> SurfaceQuery {
-    let uv = Vec2::new(hit.u, hit.v);
-    SurfaceQuery { uv, ng: hit.ng, primitive: hit.primitive, wo: -ray.direction, cone, time: ray.time }
+    /// Samples light from one emitter for the first `count` lanes of shaded surfaces. `along` gives the time and, if the
+    /// emitter is [extended](Lights::is_extended), the sample points of a lane.
+    pub fn illuminate(
+        &self,
+        emitter: usize,
+        surfaces: &Surfaces,
+        along: impl Fn(usize) -> (f32, [f32; 4]),
+        count: usize,
+        out: &mut Illumination,
+    ) {
+        self.lights.illuminate(self.tables(), emitter, surfaces, along, count, out);
+    }
 }

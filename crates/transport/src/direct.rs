@@ -8,9 +8,13 @@
 //! Whitted, "An Improved Illumination Model for Shaded Display", 1980. Cook, Porter, Carpenter, "Distributed Ray
 //! Tracing", 1984. Hall, Greenberg, "A Testbed for Realistic Image Synthesis", 1983 (adaptive depth).
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::{Cone, Lobes, Sampler, Surface};
+use heliostat_shading::lanes::{Floats, Vectors, WIDTH};
+use heliostat_shading::{
+    Cone, HitPacket, HitSorter, Illumination, Lobes, Points, Sampler, Scattered as ScatteredPacket, Scattering,
+    Selection, Surfaces,
+};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
@@ -22,6 +26,10 @@ const DEFAULT_MAX_EDGES: u32 = 12;
 const LEAST_WEIGHT: f32 = 1.0 / 512.0;
 /// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
 const MIRROR_ALPHA: f32 = 0.25;
+/// The lobes that do.
+const MIRRORS: Selection = Selection::up_to(MIRROR_ALPHA);
+/// They send a ray to either side.
+const SIDES: [Lobes; 2] = [Lobes::REFLECTING, Lobes::TRANSMITTING];
 /// Rays of one pixel in flight; further ones are dropped, so that memory stays bounded.
 const MAX_RAYS_PER_PIXEL: u16 = 256;
 /// Shadow rays traced together.
@@ -80,6 +88,7 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
         shadows: ShadowBatch::default(),
         next: Vec::new(),
         in_flight: vec![0; sums.len()],
+        shader: Box::default(),
     };
     walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.shadows.traced()
 }
@@ -92,6 +101,25 @@ struct Tracer<'a, Q: ?Sized> {
     next: Vec<WeightedRay>,
     /// Rays in `next`, by pixel.
     in_flight: Vec<u16>,
+    shader: Box<Shader>,
+}
+
+/// Scratch space of shading.
+#[derive(Debug, Default)]
+struct Shader {
+    sorter: HitSorter,
+    points: Points,
+    surfaces: Surfaces,
+    light: Illumination,
+    values: Scattering,
+    samples: ScatteredPacket,
+    origins: Vectors,
+}
+
+/// The rays of a packet at the surfaces they met, lane by lane.
+struct Arrived {
+    rays: [WeightedRay; WIDTH],
+    count: usize,
 }
 
 impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
@@ -119,24 +147,36 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
 
     fn step(
         &mut self,
-        rays: Vec<WeightedRay>,
+        mut rays: Vec<WeightedRay>,
         hits: &[Hit],
         sums: &mut [PixelSum],
         first_sample: bool,
     ) -> Vec<WeightedRay> {
         let scene = self.view.scene;
         self.in_flight.fill(0);
-        for (ray, hit) in rays.iter().zip(hits) {
-            let sum = &mut sums[ray.pixel as usize];
+        for (ray, hit) in rays.iter_mut().zip(hits) {
             if hit.is_hit() {
-                self.at_surface(ray, hit, sum, first_sample);
-                if self.shadows.len() >= SHADOW_BATCH {
-                    self.trace_shadows(sums);
-                }
+                ray.cone = ray.cone.advanced(hit.t);
             } else {
-                sum.add_radiance(ray.weight * environment(scene, Visits::All, &ray.scattered(hit)));
+                let radiance = environment(scene, Visits::All, &ray.scattered(hit));
+                sums[ray.pixel as usize].add_radiance(ray.weight * radiance);
             }
         }
+        let mut shader = std::mem::take(&mut self.shader);
+        shader.sorter.sort(scene, hits);
+        let Shader { sorter, points, surfaces, light, values, samples, origins } = &mut *shader;
+        for packet in sorter.packets() {
+            scene.shade(&packet, |i| (&hits[i], &rays[i].ray, rays[i].cone), points, surfaces);
+            let arrived = self.arrive(&packet, &rays, hits, surfaces, sums, first_sample);
+            if arrived.count > 0 {
+                self.sample_lights(&arrived, surfaces, light, values, origins);
+                self.reflect(&arrived, surfaces, samples, origins);
+            }
+            if self.shadows.len() >= SHADOW_BATCH {
+                self.trace_shadows(sums);
+            }
+        }
+        self.shader = shader;
         self.trace_shadows(sums);
         std::mem::take(&mut self.next)
     }
@@ -149,91 +189,143 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         });
     }
 
-    fn at_surface(&mut self, ray: &WeightedRay, hit: &Hit, sum: &mut PixelSum, first_sample: bool) {
+    /// What the surfaces of a packet add by themselves, and the rays whose light they scatter: of weight zero where
+    /// nothing is left to follow.
+    fn arrive(
+        &mut self,
+        packet: &HitPacket<'_>,
+        rays: &[WeightedRay],
+        hits: &[Hit],
+        surfaces: &Surfaces,
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Arrived {
         let scene = self.view.scene;
-        let cone = ray.cone.advanced(hit.t);
-        let surface = scene.surface(hit, &ray.ray, cone);
-        let mut ray = WeightedRay { cone, weight: ray.weight * (-surface.absorption * hit.t).exp(), ..*ray };
-        if surface.through != Vec3::ZERO {
-            self.send(WeightedRay {
-                ray: Ray { origin: surface.spawn(ray.ray.direction), ..ray.ray },
-                weight: ray.weight * surface.through,
-                passed_distance: ray.passed_distance + hit.t,
-                passed: ray.passed + 1,
-                seen: ray.seen || surface.coverage > 0.0,
-                ..ray
-            });
-            if surface.coverage == 0.0 {
-                return;
+        let mut arrived = Arrived { rays: [rays[packet.hits[0] as usize]; WIDTH], count: 0 };
+        for (lane, &index) in packet.hits.iter().enumerate() {
+            let (ray, hit) = (&mut arrived.rays[lane], &hits[index as usize]);
+            *ray = rays[index as usize];
+            let sum = &mut sums[ray.pixel as usize];
+            let absorption = surfaces.absorption(lane);
+            if absorption != Vec3::ZERO {
+                ray.weight *= (-absorption * hit.t).exp();
             }
-            ray.weight *= surface.coverage;
+            let through = surfaces.through(lane);
+            if through != Vec3::ZERO {
+                let coverage = surfaces.coverage(lane);
+                self.send(WeightedRay {
+                    ray: Ray { origin: surfaces.origin(lane, ray.ray.direction), ..ray.ray },
+                    weight: ray.weight * through,
+                    passed_distance: ray.passed_distance + hit.t,
+                    passed: ray.passed + 1,
+                    seen: ray.seen || coverage > 0.0,
+                    ..*ray
+                });
+                ray.weight *= coverage;
+                if coverage == 0.0 {
+                    continue;
+                }
+            }
+            if !ray.seen {
+                sum.add_first_hit(scene, hit, surfaces, lane, ray.passed_distance + hit.t, first_sample);
+                ray.seen = true;
+            }
+            let emission = surfaces.emission(lane);
+            let mut radiance = surfaces.ambient(lane) + self.ambient * surfaces.albedo(lane);
+            if emission != Vec3::ZERO {
+                radiance += emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
+            }
+            sum.add_radiance(ray.weight * radiance);
+            ray.edges += 1;
+            if ray.edges >= self.max_edges {
+                ray.weight = Vec3::ZERO;
+            } else {
+                arrived.count = lane + 1;
+            }
         }
-        if !ray.seen {
-            sum.add_first_hit(scene, hit, &surface, ray.passed_distance + hit.t, first_sample);
-            ray.seen = true;
+        if surfaces.lobes().is_empty() {
+            arrived.count = 0;
         }
-        let emission = surface.emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
-        let ambient = surface.ambient + self.ambient * surface.albedo;
-        sum.add_radiance(ray.weight * (emission + ambient));
-        ray.edges += 1;
-        if ray.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
-            return;
-        }
-        let mirrors = surface.bsdf.sharper_than(MIRROR_ALPHA);
-        self.sample_lights(&ray, &surface, mirrors);
-        self.reflect(&ray, &surface, mirrors);
+        arrived
     }
 
     /// A shadow ray to a point of every light. Lobes that send rays of their own share the work with them.
-    fn sample_lights(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
+    fn sample_lights(
+        &mut self,
+        arrived: &Arrived,
+        surfaces: &Surfaces,
+        light: &mut Illumination,
+        values: &mut Scattering,
+        origins: &mut Vectors,
+    ) {
         let scene = self.view.scene;
-        let groups = [mirrors.intersection(Lobes::REFLECTING), mirrors.intersection(Lobes::TRANSMITTING)];
+        let Arrived { rays, count } = arrived;
         for emitter in 0..scene.lights().len() {
-            let [u, v, u_triangle, _] = ray.points(2 + emitter as u32);
-            let Some(light) =
-                scene.sample_light(emitter, (surface.position, ray.ray.time), Vec2::new(u, v), u_triangle)
-            else {
-                continue;
+            let along = |lane: usize| {
+                let ray: &WeightedRay = &rays[lane];
+                let [u, v, u_triangle, w] = ray.points(2 + emitter as u32);
+                (ray.ray.time, [u, v, u_triangle, w])
             };
-            let mut f_cos = surface.bsdf.evaluate(light.wi, Lobes::ALL.without(mirrors)).f_cos;
-            for lobes in groups {
-                if lobes.is_empty() {
+            scene.illuminate(emitter, surfaces, along, *count, light);
+            surfaces.evaluate(&light.wi, Selection::above(MIRROR_ALPHA), *count, values);
+            let mut f_cos = values.f_cos.clone();
+            for side in SIDES {
+                if !surfaces.may_have(MIRRORS.among(side)) {
                     continue;
                 }
-                let value = surface.bsdf.evaluate(light.wi, lobes);
-                f_cos += match light.pdf == 0.0 {
-                    true => value.f_cos,
-                    false => value.f_cos * power_heuristic(light.pdf, value.pdf),
-                };
+                surfaces.evaluate(&light.wi, MIRRORS.among(side), *count, values);
+                for lane in 0..*count {
+                    let pdf = light.pdf.0[lane];
+                    let share = if pdf == 0.0 { 1.0 } else { power_heuristic(pdf, values.pdf.0[lane]) };
+                    f_cos.set(lane, f_cos.get(lane) + values.f_cos.get(lane) * share);
+                }
             }
-            let radiance = ray.weight * f_cos * light.weight;
-            if radiance != Vec3::ZERO {
-                let pending = PendingLight { pixel: ray.pixel, radiance };
-                let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi), light.wi) };
-                self.shadows.push(shadow.at_time(ray.ray.time), pending);
+            surfaces.spawn(&light.wi, *count, origins);
+            for (lane, ray) in rays[..*count].iter().enumerate() {
+                let radiance = ray.weight * f_cos.get(lane) * light.weight.get(lane);
+                if radiance != Vec3::ZERO {
+                    let pending = PendingLight { pixel: ray.pixel, radiance };
+                    let shadow = Ray::new(origins.get(lane), light.wi.get(lane));
+                    let shadow = Ray { t_max: light.distance.0[lane], ..shadow };
+                    self.shadows.push(shadow.at_time(ray.ray.time), pending);
+                }
             }
         }
     }
 
     /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
-    fn reflect(&mut self, ray: &WeightedRay, surface: &Surface, mirrors: Lobes) {
-        for (side, group) in [Lobes::REFLECTING, Lobes::TRANSMITTING].into_iter().enumerate() {
-            let lobes = mirrors.intersection(group);
-            if lobes.is_empty() {
+    fn reflect(
+        &mut self,
+        arrived: &Arrived,
+        surfaces: &Surfaces,
+        samples: &mut ScatteredPacket,
+        origins: &mut Vectors,
+    ) {
+        let Arrived { rays, count } = arrived;
+        for (side, lobes) in SIDES.into_iter().enumerate() {
+            let which = MIRRORS.among(lobes);
+            if !surfaces.may_have(which) {
                 continue;
             }
-            let [u, v, u_lobe, _] = ray.points(side as u32);
-            let Some(sample) = surface.bsdf.sample(u_lobe, Vec2::new(u, v), lobes) else { continue };
-            self.send(WeightedRay {
-                ray: Ray::new(surface.spawn(sample.wi), sample.wi).at_time(ray.ray.time),
-                cone: Cone { spread: ray.cone.spread + 0.5 * sample.alpha, ..ray.cone },
-                weight: ray.weight * sample.weight,
-                scatter_pdf: sample.pdf,
-                passed_distance: 0.0,
-                passed: 0,
-                branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
-                ..*ray
-            });
+            let mut points = [Floats::ZERO; 3];
+            for (lane, ray) in rays[..*count].iter().enumerate() {
+                let [u, v, u_lobe, _] = ray.points(side as u32);
+                (points[0].0[lane], points[1].0[lane], points[2].0[lane]) = (u_lobe, u, v);
+            }
+            surfaces.sample(&points, which, *count, samples);
+            surfaces.spawn(&samples.wi, *count, origins);
+            for (lane, ray) in rays[..*count].iter().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
+                self.send(WeightedRay {
+                    ray: Ray::new(origins.get(lane), samples.wi.get(lane)).at_time(ray.ray.time),
+                    cone: Cone { spread: ray.cone.spread + 0.5 * samples.alpha.0[lane], ..ray.cone },
+                    weight: ray.weight * samples.weight.get(lane),
+                    scatter_pdf: samples.pdf.0[lane],
+                    passed_distance: 0.0,
+                    passed: 0,
+                    branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
+                    ..*ray
+                });
+            }
         }
     }
 

@@ -6,7 +6,7 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::{Cone, Lobes, Sampler, Surface};
+use heliostat_shading::{Cone, HitSorter, Points, Sampler, Selection, Surface, Surfaces};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
@@ -44,7 +44,7 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
     after_sample: &dyn Fn() -> bool,
 ) -> u64 {
     let max_edges = settings.max_depth.unwrap_or(u32::MAX);
-    let mut tracer = Tracer { view, max_edges, shadows: ShadowBatch::default() };
+    let mut tracer = Tracer { view, max_edges, shadows: ShadowBatch::default(), shader: Shader::default() };
     walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.shadows.traced()
 }
 
@@ -52,6 +52,15 @@ struct Tracer<'a, Q: ?Sized> {
     view: &'a View<'a, Q>,
     max_edges: u32,
     shadows: ShadowBatch,
+    shader: Shader,
+}
+
+/// Scratch space of shading.
+#[derive(Debug, Default)]
+struct Shader {
+    sorter: HitSorter,
+    points: Points,
+    surfaces: Surfaces,
 }
 
 impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
@@ -78,21 +87,34 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
 
     fn step(
         &mut self,
-        paths: Vec<Path>,
+        mut paths: Vec<Path>,
         hits: &[Hit],
         sums: &mut [PixelSum],
         first_sample: bool,
     ) -> Vec<Path> {
         let scene = self.view.scene;
         let mut next = Vec::with_capacity(paths.len());
-        for (path, hit) in paths.into_iter().zip(hits) {
-            let sum = &mut sums[path.pixel as usize];
+        for (path, hit) in paths.iter_mut().zip(hits) {
             if hit.is_hit() {
-                next.extend(self.at_surface(path, hit, sum, first_sample));
+                path.cone = path.cone.advanced(hit.t);
             } else {
-                sum.add_radiance(path.throughput * environment(scene, Visits::One, &path.scattered(hit)));
+                let radiance = environment(scene, Visits::One, &path.scattered(hit));
+                sums[path.pixel as usize].add_radiance(path.throughput * radiance);
             }
         }
+        let mut shader = std::mem::take(&mut self.shader);
+        shader.sorter.sort(scene, hits);
+        for packet in shader.sorter.packets() {
+            let along = |i: usize| (&hits[i], &paths[i].ray, paths[i].cone);
+            scene.shade(&packet, along, &mut shader.points, &mut shader.surfaces);
+            for (lane, &index) in packet.hits.iter().enumerate() {
+                let (path, hit) = (paths[index as usize], &hits[index as usize]);
+                let sum = &mut sums[path.pixel as usize];
+                let surfaces = (&shader.surfaces, lane);
+                next.extend(self.at_surface(path, hit, surfaces, sum, first_sample));
+            }
+        }
+        self.shader = shader;
         self.shadows.trace(self.view.query, scene, |light| {
             sums[light.pixel as usize].add_lit(light.radiance);
         });
@@ -113,76 +135,81 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         &mut self,
         mut path: Path,
         hit: &Hit,
+        (surfaces, lane): (&Surfaces, usize),
         sum: &mut PixelSum,
         first_sample: bool,
     ) -> Option<Path> {
         let scene = self.view.scene;
-        path.cone = path.cone.advanced(hit.t);
-        let surface = scene.surface(hit, &path.ray, path.cone);
+        let surface = &surfaces.lane(lane);
         // Beer's law over the way through the solid that ends here.
-        path.throughput *= (-surface.absorption * hit.t).exp();
+        path.throughput *= (-Vec3::from(surface.absorption) * hit.t).exp();
 
         // A share of the light meets the surface, the rest passes: choose one by chance.
-        let pass = surface.through.max_element().min(1.0);
+        let pass = surface.through.largest().min(1.0);
         if pass > 0.0 {
             if path.sampler.random(path.passed) < pass {
-                return pass_through(path, &surface, hit, pass);
+                return pass_through(path, surface, hit, pass);
             }
             path.passed += 1;
             path.throughput *= surface.coverage / (1.0 - pass);
         }
         if path.edges == 0 {
-            sum.add_first_hit(scene, hit, &surface, path.passed_distance + hit.t, first_sample);
+            sum.add_first_hit(scene, hit, surfaces, lane, path.passed_distance + hit.t, first_sample);
         }
-        if surface.emission != Vec3::ZERO {
+        let emission = Vec3::from(surface.emission);
+        if emission != Vec3::ZERO {
             let weight = emission_weight(scene, Visits::One, &path.scattered(hit), hit);
-            sum.add_radiance(path.throughput * surface.emission * weight);
+            sum.add_radiance(path.throughput * emission * weight);
         }
         path.edges += 1;
-        if path.edges >= self.max_edges || surface.bsdf.lobes().is_empty() {
+        if path.edges >= self.max_edges || !surface.bsdf.scatters() {
             return None;
         }
-        self.sample_light(&path, &surface);
-        scatter(path, &surface)
+        self.sample_light(&path, surface);
+        scatter(path, surface)
     }
 
     /// Next-event estimation: one light, chosen by power, one point on it.
-    fn sample_light(&mut self, path: &Path, surface: &Surface) {
+    fn sample_light(&mut self, path: &Path, surface: &Surface<f32>) {
         let scene = self.view.scene;
         let [u_choice, u_triangle, u, v] = path.sampler.set(2 * path.edges);
         let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
         let Some(light) =
-            scene.sample_light(emitter, (surface.position, path.ray.time), Vec2::new(u, v), u_triangle)
+            scene.sample_light(emitter, (surface.position.into(), path.ray.time), Vec2::new(u, v), u_triangle)
         else {
             return;
         };
-        let scattered = surface.bsdf.evaluate(light.wi, Lobes::ALL);
-        if scattered.f_cos == Vec3::ZERO {
+        let scattered = surface.bsdf.evaluate(light.wi.into(), Selection::ALL);
+        let f_cos = Vec3::from(scattered.f_cos);
+        if f_cos == Vec3::ZERO {
             return;
         }
         let weight =
             if light.pdf == 0.0 { 1.0 } else { power_heuristic(probability * light.pdf, scattered.pdf) };
-        let radiance = path.throughput * scattered.f_cos * light.weight * (weight / probability);
+        let radiance = path.throughput * f_cos * light.weight * (weight / probability);
         let pending = PendingLight { pixel: path.pixel, radiance };
-        let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi), light.wi) };
+        let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi.into()).into(), light.wi) };
         self.shadows.push(shadow.at_time(path.ray.time), pending);
     }
 }
 
 /// The path goes on in its direction as if the surface were not there; its scattering density stays valid.
-fn pass_through(mut path: Path, surface: &Surface, hit: &Hit, chance: f32) -> Option<Path> {
+fn pass_through(mut path: Path, surface: &Surface<f32>, hit: &Hit, chance: f32) -> Option<Path> {
     path.passed += 1;
-    path.throughput *= surface.through / chance;
+    path.throughput *= Vec3::from(surface.through) / chance;
     path.passed_distance += hit.t;
-    path.ray.origin = surface.spawn(path.ray.direction);
+    path.ray.origin = surface.spawn(path.ray.direction.into()).into();
     (path.passed <= MAX_PASSED).then_some(path)
 }
 
 /// Chooses the next direction; Russian roulette ends paths of little worth.
-fn scatter(mut path: Path, surface: &Surface) -> Option<Path> {
+fn scatter(mut path: Path, surface: &Surface<f32>) -> Option<Path> {
     let [u_lobe, u_roulette, u, v] = path.sampler.set(2 * path.edges - 1);
-    let sample = surface.bsdf.sample(u_lobe, Vec2::new(u, v), Lobes::ALL)?;
-    path.throughput *= sample.weight;
+    let sample = surface.bsdf.sample(u_lobe, [u, v], Selection::ALL);
+    if !sample.valid {
+        return None;
+    }
+    path.throughput *= Vec3::from(sample.weight);
     if sample.transmitted {
         path.roulette_scale *= surface.bsdf.transmitted_eta().powi(2);
     }
@@ -197,6 +224,6 @@ fn scatter(mut path: Path, surface: &Surface) -> Option<Path> {
     path.passed_distance = 0.0;
     // A rough bounce spreads the footprint; texture lookups behind it may be coarse.
     path.cone.spread += 0.5 * sample.alpha;
-    path.ray = Ray::new(surface.spawn(sample.wi), sample.wi).at_time(path.ray.time);
+    path.ray = Ray::new(surface.spawn(sample.wi).into(), sample.wi.into()).at_time(path.ray.time);
     (path.throughput.is_finite() && path.throughput != Vec3::ZERO).then_some(path)
 }

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
-use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surface, points};
+use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surfaces, points};
 
 /// What is looked at, and from where.
 #[derive(Debug)]
@@ -34,22 +34,24 @@ pub struct Settings {
     pub ambient: Vec3,
 }
 
-/// A rectangle of at most 16×16 pixels.
+/// A rectangle of at most 32×32 pixels: large enough to fill shader packets, small enough for the caches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     /// Left column.
     pub x: u32,
     /// Top row.
     pub y: u32,
-    /// Columns, at most 16.
+    /// Columns, at most 32.
     pub width: u32,
-    /// Rows, at most 16.
+    /// Rows, at most 32.
     pub height: u32,
 }
 
 impl Region {
     /// Edge length of a full region.
-    pub const SIZE: u32 = 16;
+    pub const SIZE: u32 = 32;
+    /// Edge length of the part that one tile of camera rays covers.
+    const TILE: u32 = 16;
 
     /// All regions of a picture, row by row.
     pub fn cover(width: u32, height: u32) -> impl Iterator<Item = Self> {
@@ -64,14 +66,21 @@ impl Region {
         })
     }
 
-    /// The pixels in blocks of 4×4, so that every 16 camera rays in a row form a narrow frustum.
+    /// The pixels, first those of one tile of 16×16, then of the next; in a tile by blocks of 4×4, so that every 16 camera
+    /// rays in a row form a narrow frustum.
     pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
-        let blocks =
-            (0..self.height).step_by(4).flat_map(move |y| (0..self.width).step_by(4).map(move |x| (x, y)));
-        blocks.flat_map(move |(bx, by)| {
-            let (columns, rows) = (bx..(bx + 4).min(self.width), by..(by + 4).min(self.height));
-            rows.flat_map(move |y| columns.clone().map(move |x| (self.x + x, self.y + y)))
-        })
+        let blocks = |edge: u32, x0: u32, y0: u32, width: u32, height: u32| {
+            (0..height).step_by(edge as usize).flat_map(move |y| {
+                (0..width).step_by(edge as usize).map(move |x| {
+                    (x0 + x, y0 + y, edge.min(width - x), edge.min(height - y))
+                })
+            })
+        };
+        blocks(Self::TILE, self.x, self.y, self.width, self.height)
+            .flat_map(move |(x, y, width, height)| blocks(4, x, y, width, height))
+            .flat_map(|(x, y, width, height)| {
+                (y..y + height).flat_map(move |y| (x..x + width).map(move |x| (x, y)))
+            })
     }
 }
 
@@ -113,14 +122,15 @@ impl PixelSum {
         &mut self,
         scene: &ShadingScene,
         hit: &Hit,
-        surface: &Surface,
+        surfaces: &Surfaces,
+        lane: usize,
         distance: f32,
         first_sample: bool,
     ) {
         self.depth += distance;
-        self.normal += surface.bsdf.normal();
-        self.position += surface.position;
-        self.albedo += surface.albedo;
+        self.normal += surfaces.normal(lane);
+        self.position += surfaces.position(lane);
+        self.albedo += surfaces.albedo(lane);
         self.hits += 1.0;
         if first_sample {
             let (placement, _, material) = scene.part(hit);

@@ -19,7 +19,7 @@ use heliostat_scene::{
     Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
     Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
 };
-use heliostat_shading::{EnvironmentLight, InterfaceCache, MipMap, ShadingScene};
+use heliostat_shading::{EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShadingScene};
 use rayon::prelude::*;
 
 use self::changes::{Cause, Changes};
@@ -56,6 +56,7 @@ impl Default for BuiltObject {
 /// Everything compiled from a scene.
 pub(crate) struct Compiled {
     accelerator: Accelerator,
+    lanes: LaneMode,
     objects: BTreeMap<ObjectId, BuiltObject>,
     world: World,
     /// The instances that the world holds, in its order.
@@ -96,6 +97,7 @@ impl Compiled {
     pub(crate) fn new(options: &EngineOptions) -> Self {
         Self {
             accelerator: options.accelerator,
+            lanes: options.lanes,
             objects: BTreeMap::new(),
             world: World::empty(),
             placed: Vec::new(),

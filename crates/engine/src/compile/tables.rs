@@ -56,6 +56,7 @@ impl Compiled {
             let compiled = self.compile_materials(scene, materials);
             let parts = self.shading.parts().to_vec();
             let mut tables = ShadingScene::new(compiled, parts, self.shading.placements().clone());
+            tables.set_lane_mode(self.lanes);
             tables.relight(scene.lights().values(), self.environment.clone(), self.bounds());
             self.diffuse = Some(tables);
         }
@@ -100,7 +101,9 @@ impl Compiled {
             placements.push(Placement::new(Affine3A::IDENTITY, 0.0, object, instance, slot));
         });
         place_children(self.world.root(), &Way::default(), &mut placements);
-        ShadingScene::new(compiled, parts, placements.into())
+        let mut shading = ShadingScene::new(compiled, parts, placements.into());
+        shading.set_lane_mode(self.lanes);
+        shading
     }
 
     /// Recompiles materials that changed, or whose textures did. Says whether lights did.

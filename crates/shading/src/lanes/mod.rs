@@ -1,0 +1,66 @@
+//! The numbers that shaders are written in: one value, or sixteen of them side by side.
+//!
+//! A shader is generic over [`Real`] and reads like scalar code. `f32` is one lane; [`Packet`] is sixteen lanes of one
+//! instruction set. Both compute the same bits: nothing is fused, and functions beyond the four operations and the root
+//! are polynomials of our own ([`math`]). Lanes never see each other, so that a value does not depend on its neighbours.
+//!
+//! Code that is generic over [`Real`] must be `#[inline(always)]` and pass no closures that compute with packets: a closure
+//! is compiled without the instruction set, and every operation in it becomes a call.
+
+mod math;
+mod real;
+mod vector;
+mod whole;
+
+pub use math::{cos_sin_turns, exp, exp2, log2, pow};
+pub use real::{LaneFn, Mask, Packet, Real};
+pub use vector::Vector;
+pub use whole::Whole;
+
+/// Lanes of a packet and entries of a [`Floats`].
+pub const WIDTH: usize = 16;
+
+/// One value per lane, in memory.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floats(pub [f32; WIDTH]);
+
+impl Floats {
+    /// All lanes zero.
+    pub const ZERO: Self = Self([0.0; WIDTH]);
+
+    /// All lanes alike.
+    pub const fn splat(value: f32) -> Self {
+        Self([value; WIDTH])
+    }
+}
+
+impl Default for Floats {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+/// One vector or colour per lane, in memory.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Vectors {
+    /// First components.
+    pub x: Floats,
+    /// Second components.
+    pub y: Floats,
+    /// Third components.
+    pub z: Floats,
+}
+
+impl Vectors {
+    /// The vector of one lane.
+    pub fn get(&self, lane: usize) -> glam::Vec3 {
+        glam::Vec3::new(self.x.0[lane], self.y.0[lane], self.z.0[lane])
+    }
+
+    /// Sets the vector of one lane.
+    pub fn set(&mut self, lane: usize, v: glam::Vec3) {
+        (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (v.x, v.y, v.z);
+    }
+}

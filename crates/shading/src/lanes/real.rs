@@ -1,0 +1,414 @@
+//! The trait of lane values and its two kinds: one float, and sixteen.
+
+use std::fmt::Debug;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use fearless_simd::{Simd, f32x16, mask32x16, prelude::*, u32x16};
+
+use super::{Floats, WIDTH, Whole};
+
+/// Sixteen floats in the registers of an instruction set.
+pub type Packet<S> = f32x16<S>;
+
+/// A truth value per lane.
+pub trait Mask:
+    Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> + 'static
+{
+    /// Whether any lane is true. Only to skip work that would change nothing: a lane must not depend on others.
+    fn any(self) -> bool;
+
+    /// Whether all lanes are.
+    fn all(self) -> bool;
+
+    /// Stores the lanes from `lane` on.
+    fn store(self, to: &mut [bool; WIDTH], lane: usize);
+}
+
+/// A scalar function that lanes are put through one by one.
+pub trait LaneFn<const I: usize, const O: usize> {
+    /// Its value.
+    fn at(&self, of: [f32; I]) -> [f32; O];
+}
+
+/// Applies a function to every lane; compiled once for all instruction sets.
+#[inline(never)]
+fn each_lane<const I: usize, const O: usize>(
+    f: &impl LaneFn<I, O>,
+    inputs: &[Floats; I],
+    outputs: &mut [Floats; O],
+) {
+    for lane in 0..WIDTH {
+        let input = std::array::from_fn(|i| inputs[i].0[lane]);
+        for (value, lanes) in f.at(input).into_iter().zip(outputs.iter_mut()) {
+            lanes.0[lane] = value;
+        }
+    }
+}
+
+/// A number per lane, with the arithmetic of `f32`.
+pub trait Real:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f32, Output = Self>
+    + Sub<f32, Output = Self>
+    + Mul<f32, Output = Self>
+    + Div<f32, Output = Self>
+    + 'static
+{
+    /// What comparisons give.
+    type Mask: Mask;
+    /// Whole numbers of as many lanes, for hashing.
+    type Whole: Whole<Real = Self>;
+    /// Proof that the instruction set is there.
+    type Token: Copy + Debug;
+    /// Number of lanes.
+    const LANES: usize;
+
+    /// Loads [`Self::LANES`] lanes from `lane` on.
+    fn load(token: Self::Token, from: &Floats, lane: usize) -> Self;
+
+    /// Stores [`Self::LANES`] lanes from `lane` on.
+    fn store(self, to: &mut Floats, lane: usize);
+
+    /// All lanes alike.
+    fn constant(token: Self::Token, value: f32) -> Self;
+
+    /// The token it was made with.
+    fn token(self) -> Self::Token;
+
+    /// All lanes alike, in the registers that `self` is in.
+    #[inline(always)]
+    fn splat(self, value: f32) -> Self {
+        Self::constant(self.token(), value)
+    }
+
+    /// The smaller one; `other` where `self` is not a number.
+    fn min(self, other: Self) -> Self;
+
+    /// The larger one; `other` where `self` is not a number.
+    fn max(self, other: Self) -> Self;
+
+    /// Square root.
+    fn sqrt(self) -> Self;
+
+    /// Without its sign.
+    fn abs(self) -> Self;
+
+    /// The next lower whole number.
+    fn floor(self) -> Self;
+
+    /// The magnitude of `self` with the sign of `sign`.
+    fn copysign(self, sign: Self) -> Self;
+
+    /// self < other
+    fn lt(self, other: Self) -> Self::Mask;
+
+    /// self ≤ other
+    fn le(self, other: Self) -> Self::Mask;
+
+    /// self = other
+    fn equals(self, other: Self) -> Self::Mask;
+
+    /// `self` where `mask` is true, `otherwise` elsewhere.
+    fn where_or(self, mask: Self::Mask, otherwise: Self) -> Self;
+
+    /// The number rounded towards zero; numbers beyond ±2³¹ give anything, the same on every machine is not promised.
+    fn truncate(self) -> Self::Whole;
+
+    /// The bits of the number.
+    fn bits(self) -> Self::Whole;
+
+    /// Applies a scalar function to every lane. For tables and textures: nothing else pays for leaving the registers.
+    fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O];
+
+    /// self > other
+    #[inline(always)]
+    fn gt(self, other: Self) -> Self::Mask {
+        other.lt(self)
+    }
+
+    /// self ≥ other
+    #[inline(always)]
+    fn ge(self, other: Self) -> Self::Mask {
+        other.le(self)
+    }
+
+    /// `self` where `mask` is true, zero elsewhere.
+    #[inline(always)]
+    fn only(self, mask: Self::Mask) -> Self {
+        self.where_or(mask, self.splat(0.0))
+    }
+
+    /// At least `low` and at most `high`; `low` where `self` is not a number.
+    #[inline(always)]
+    fn clamp(self, low: f32, high: f32) -> Self {
+        self.max(self.splat(low)).min(self.splat(high))
+    }
+
+    /// At least zero.
+    #[inline(always)]
+    fn positive(self) -> Self {
+        self.max(self.splat(0.0))
+    }
+
+    /// 1 − self
+    #[inline(always)]
+    fn complement(self) -> Self {
+        self.splat(1.0) - self
+    }
+
+    /// self²
+    #[inline(always)]
+    fn squared(self) -> Self {
+        self * self
+    }
+
+    /// 1 / self
+    #[inline(always)]
+    fn recip(self) -> Self {
+        self.splat(1.0) / self
+    }
+
+    /// `self` at 0, `other` at 1.
+    #[inline(always)]
+    fn mix(self, other: Self, at: Self) -> Self {
+        self + (other - self) * at
+    }
+}
+
+impl Mask for bool {
+    #[inline(always)]
+    fn any(self) -> bool {
+        self
+    }
+
+    #[inline(always)]
+    fn all(self) -> bool {
+        self
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [bool; WIDTH], lane: usize) {
+        to[lane] = self;
+    }
+}
+
+impl<S: Simd> Mask for mask32x16<S> {
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.any_true()
+    }
+
+    #[inline(always)]
+    fn all(self) -> bool {
+        self.all_true()
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [bool; WIDTH], _: usize) {
+        let bits = self.to_bitmask();
+        for (lane, value) in to.iter_mut().enumerate() {
+            *value = bits >> lane & 1 == 1;
+        }
+    }
+}
+
+impl Real for f32 {
+    type Mask = bool;
+    type Whole = u32;
+    type Token = ();
+    const LANES: usize = 1;
+
+    #[inline(always)]
+    fn load((): (), from: &Floats, lane: usize) -> Self {
+        from.0[lane]
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut Floats, lane: usize) {
+        to.0[lane] = self;
+    }
+
+    #[inline(always)]
+    fn constant((): (), value: f32) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn token(self) {}
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::abs(self)
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        Self::floor(self)
+    }
+
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        Self::copysign(self, sign)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> bool {
+        self < other
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> bool {
+        self <= other
+    }
+
+    #[inline(always)]
+    fn equals(self, other: Self) -> bool {
+        self == other
+    }
+
+    #[inline(always)]
+    fn where_or(self, mask: bool, otherwise: Self) -> Self {
+        if mask { self } else { otherwise }
+    }
+
+    #[inline(always)]
+    fn truncate(self) -> u32 {
+        self as i32 as u32
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self.to_bits()
+    }
+
+    #[inline(always)]
+    fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O] {
+        f.at(of)
+    }
+}
+
+impl<S: Simd> Real for Packet<S> {
+    type Mask = mask32x16<S>;
+    type Whole = u32x16<S>;
+    type Token = S;
+    const LANES: usize = WIDTH;
+
+    #[inline(always)]
+    fn load(token: S, from: &Floats, _: usize) -> Self {
+        Self::load_array_ref(token, &from.0)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut Floats, _: usize) {
+        self.store_array(&mut to.0);
+    }
+
+    #[inline(always)]
+    fn constant(token: S, value: f32) -> Self {
+        <Self as SimdBase<S>>::splat(token, value)
+    }
+
+    #[inline(always)]
+    fn token(self) -> S {
+        ExtractToken::token(&self)
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // By comparison, since the instruction's answer to NaN differs between machines.
+        self.where_or(Real::lt(self, other), other)
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.where_or(Real::lt(other, self), other)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        SimdFloat::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        SimdBase::abs(self)
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        SimdFloat::floor(self)
+    }
+
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        SimdFloat::copysign(self, sign)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> Self::Mask {
+        self.simd_lt(other)
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> Self::Mask {
+        self.simd_le(other)
+    }
+
+    #[inline(always)]
+    fn equals(self, other: Self) -> Self::Mask {
+        self.simd_eq(other)
+    }
+
+    #[inline(always)]
+    fn where_or(self, mask: Self::Mask, otherwise: Self) -> Self {
+        mask.select(self, otherwise)
+    }
+
+    #[inline(always)]
+    fn truncate(self) -> Self::Whole {
+        let whole: fearless_simd::i32x16<S> = self.to_int();
+        whole.bitcast()
+    }
+
+    #[inline(always)]
+    fn bits(self) -> Self::Whole {
+        self.bitcast()
+    }
+
+    #[inline(always)]
+    fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O] {
+        let token = Real::token(of[0]);
+        let mut inputs = [Floats::ZERO; I];
+        for (value, lanes) in of.iter().zip(&mut inputs) {
+            value.store_array(&mut lanes.0);
+        }
+        let mut outputs = [Floats::ZERO; O];
+        each_lane(f, &inputs, &mut outputs);
+        let mut result = [of[0]; O];
+        for (value, lanes) in result.iter_mut().zip(&outputs) {
+            *value = Self::load_array_ref(token, &lanes.0);
+        }
+        result
+    }
+}

@@ -1,0 +1,145 @@
+//! Whole numbers per lane, as far as hashing and noise need them.
+
+use std::fmt::Debug;
+use std::ops::{BitAnd, BitOr, BitXor};
+
+use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
+
+use super::Real;
+
+/// An unsigned number of 32 bits per lane; arithmetic wraps round.
+pub trait Whole:
+    Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + BitXor<Output = Self> + 'static
+{
+    /// Floats of as many lanes.
+    type Real: Real<Whole = Self>;
+
+    /// All lanes alike, in the registers that `self` is in.
+    fn splat(self, value: u32) -> Self;
+
+    /// self + other
+    fn plus(self, other: Self) -> Self;
+
+    /// self · other
+    fn times(self, other: Self) -> Self;
+
+    /// Shifted towards the high bits; `count` < 32.
+    fn left(self, count: u32) -> Self;
+
+    /// Shifted towards the low bits; `count` < 32.
+    fn right(self, count: u32) -> Self;
+
+    /// The number as a float; below 2³¹.
+    fn to_real(self) -> Self::Real;
+
+    /// The float that has these bits.
+    fn as_real_bits(self) -> Self::Real;
+
+    /// Where the bits of `mask` are set in `self`.
+    fn has(self, mask: u32) -> <Self::Real as Real>::Mask;
+
+    /// The bits as a float in [0, 1): the 24 highest count.
+    #[inline(always)]
+    fn unit(self) -> Self::Real {
+        self.right(8).to_real() * (1.0 / (1 << 24) as f32)
+    }
+
+    /// A bijective hash (two multiply–xorshift rounds) whose every input bit affects every output bit.
+    #[inline(always)]
+    fn hashed(self) -> Self {
+        let x = self.plus(self.splat(0x6a09_e667));
+        let x = (x ^ x.right(16)).times(self.splat(0x7feb_352d));
+        let x = (x ^ x.right(15)).times(self.splat(0x846c_a68b));
+        x ^ x.right(16)
+    }
+}
+
+impl Whole for u32 {
+    type Real = f32;
+
+    #[inline(always)]
+    fn splat(self, value: u32) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
+
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        self.wrapping_mul(other)
+    }
+
+    #[inline(always)]
+    fn left(self, count: u32) -> Self {
+        self << count
+    }
+
+    #[inline(always)]
+    fn right(self, count: u32) -> Self {
+        self >> count
+    }
+
+    #[inline(always)]
+    fn to_real(self) -> f32 {
+        self as i32 as f32
+    }
+
+    #[inline(always)]
+    fn as_real_bits(self) -> f32 {
+        f32::from_bits(self)
+    }
+
+    #[inline(always)]
+    fn has(self, mask: u32) -> bool {
+        self & mask == mask
+    }
+}
+
+impl<S: Simd> Whole for u32x16<S> {
+    type Real = f32x16<S>;
+
+    #[inline(always)]
+    fn splat(self, value: u32) -> Self {
+        <Self as SimdBase<S>>::splat(self.token(), value)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
+
+    #[inline(always)]
+    fn left(self, count: u32) -> Self {
+        self << count
+    }
+
+    #[inline(always)]
+    fn right(self, count: u32) -> Self {
+        self >> count
+    }
+
+    #[inline(always)]
+    fn to_real(self) -> f32x16<S> {
+        let signed: fearless_simd::i32x16<S> = self.bitcast();
+        signed.to_float()
+    }
+
+    #[inline(always)]
+    fn as_real_bits(self) -> f32x16<S> {
+        self.bitcast()
+    }
+
+    #[inline(always)]
+    fn has(self, mask: u32) -> <f32x16<S> as Real>::Mask {
+        let mask = Whole::splat(self, mask);
+        (self & mask).simd_eq(mask)
+    }
+}

@@ -1,0 +1,289 @@
+//! From hits to points: interpolated attributes, normals and footprints, gathered into lanes.
+
+use glam::{Affine3A, Vec2, Vec3, Vec3A, Vec4};
+use heliostat_kernel::{Hit, Ray};
+use heliostat_scene::{Geometry, Mesh};
+
+use crate::camera::Cone;
+use crate::lanes::{Floats, Real, Vector, Vectors};
+use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
+use crate::placement::{Placement, ShadedPart};
+use crate::quadric::Spot;
+
+/// Sixteen points of surfaces of one material, seen along rays: what surface shaders get. Lanes that hold no point hold
+/// whatever was there before.
+#[repr(C)]
+#[derive(Clone, Debug, Default)]
+pub struct Points {
+    /// World space, metres.
+    pub position: Vectors,
+    /// Bound on the rounding error of `position`, metres.
+    pub error: Floats,
+    /// Unit geometric normal in world space, on the front side.
+    pub ng: Vectors,
+    /// Unit normal interpolated between the vertices, in world space, on the front side.
+    pub normal: Vectors,
+    /// Unit vector towards where the ray came from.
+    pub wo: Vectors,
+    /// Both sets of texture coordinates.
+    pub uv: [[Floats; 2]; 2],
+    /// log2 of the footprint's width, for each set, in texture space.
+    pub lod: [Floats; 2],
+    /// The mesh's linear colour.
+    pub color: Vectors,
+    /// The mesh's alpha.
+    pub alpha: Floats,
+    /// Axes of tangent space for the normal map and for the coat's; zero where there are none.
+    pub tangents: [[Vectors; 2]; 2],
+}
+
+impl Points {
+    /// Fills a lane with the point of `part` where `ray`, of unit direction, was hit; its footprint there is `cone`.
+    pub(crate) fn set(
+        &mut self,
+        lane: usize,
+        (placement, part, material): (&Placement, &ShadedPart, &SurfaceMaterial),
+        (hit, ray, cone): (&Hit, &Ray, Cone),
+    ) {
+        let met = Met::new(&part.shape, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
+        let wo = -ray.direction;
+        let (position, error) = met.point(placement);
+        self.position.set(lane, position);
+        self.error.0[lane] = error;
+        self.ng.set(lane, hit.ng);
+        self.wo.set(lane, wo);
+        let smooth = met.shading_normal(placement, hit.ng);
+        self.normal.set(lane, smooth.0);
+        // At grazing angles the footprint is an ellipse; limiting its length keeps textures sharp, and the samples of
+        // the pixel filter the rest.
+        let at = met.coordinates(material, placement, cone.width / hit.ng.dot(wo).abs().max(0.25));
+        self.color.set(lane, at.color.rgb.into());
+        self.alpha.0[lane] = at.color.a;
+        if !material.is_textured() {
+            return;
+        }
+        for set in 0..2 {
+            self.lod[set].0[lane] = at.lod[set];
+            for axis in 0..2 {
+                self.uv[set][axis].0[lane] = at.uv[set][axis];
+            }
+        }
+        for (tangents, slot) in self.tangents.iter_mut().zip([&material.normal, &material.coat_normal]) {
+            if let Some(slot) = slot {
+                let [x, y] = met.tangents(placement, smooth, slot);
+                tangents[0].set(lane, x);
+                tangents[1].set(lane, y);
+            }
+        }
+    }
+
+    /// The texture coordinates of lanes from `lane` on.
+    #[inline(always)]
+    pub(crate) fn coordinates<F: Real>(&self, token: F::Token, lane: usize) -> TextureCoordinates<F> {
+        let [[u0, v0], [u1, v1]] = &self.uv;
+        TextureCoordinates {
+            uv: [
+                [F::load(token, u0, lane), F::load(token, v0, lane)],
+                [F::load(token, u1, lane), F::load(token, v1, lane)],
+            ],
+            lod: [F::load(token, &self.lod[0], lane), F::load(token, &self.lod[1], lane)],
+            color: crate::color::Rgba {
+                rgb: Vector::load(token, &self.color, lane),
+                a: F::load(token, &self.alpha, lane),
+            },
+        }
+    }
+}
+
+/// A triangle's corners and attributes, gathered for one hit.
+pub(crate) struct Corners<'a> {
+    mesh: &'a Mesh,
+    indices: [usize; 3],
+    /// Barycentric weights of the three corners.
+    weights: [f32; 3],
+    positions: [Vec3; 3],
+}
+
+impl<'a> Corners<'a> {
+    /// `time` in [0, 1] of the shutter interval.
+    pub(crate) fn new(mesh: &'a Mesh, primitive: u32, uv: Vec2, time: f32) -> Self {
+        let indices = mesh.indices[primitive as usize].map(|i| i as usize);
+        let mut positions = indices.map(|i| mesh.positions[i]);
+        if !mesh.motion.is_empty() {
+            let ends = indices.map(|i| mesh.motion[i]);
+            positions = [0, 1, 2].map(|i| positions[i] * (1.0 - time) + ends[i] * time);
+        }
+        Self { mesh, indices, weights: [1.0 - uv.x - uv.y, uv.x, uv.y], positions }
+    }
+
+    /// Object space.
+    pub(crate) fn positions(&self) -> [Vec3; 3] {
+        self.positions
+    }
+
+    /// World-space corners.
+    pub(crate) fn world(&self, world_from_object: &Affine3A) -> [Vec3; 3] {
+        self.positions().map(|p| world_from_object.transform_point3(p))
+    }
+
+    /// Twice the area in the world.
+    pub(crate) fn doubled_area(&self, world_from_object: &Affine3A) -> f32 {
+        let [a, b, c] = self.world(world_from_object);
+        (b - a).cross(c - a).length()
+    }
+
+    fn interpolate<T>(&self, values: &[T]) -> Option<T>
+    where
+        T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+    {
+        let [a, b, c] = self.indices;
+        let [wa, wb, wc] = self.weights;
+        Some(*values.get(a)? * wa + *values.get(b)? * wb + *values.get(c)? * wc)
+    }
+
+    /// World-space point and a bound on its rounding error.
+    pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
+        let world_from_object = &placement.world_from_object;
+        let [a, b, c] = self.positions();
+        let [wa, wb, wc] = self.weights;
+        let p = a * wa + b * wb + c * wc;
+        let largest = a.abs().max(b.abs()).max(c.abs());
+        (world_from_object.transform_point3(p), placement.rounding(largest))
+    }
+
+    /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
+    pub(crate) fn coordinates(
+        &self,
+        material: &SurfaceMaterial,
+        world_area: f32,
+        width: f32,
+    ) -> TextureCoordinates<f32> {
+        let color = self.interpolate(&self.mesh.colors).unwrap_or(Vec4::ONE);
+        let mut at = TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color: color.into() };
+        if !material.is_textured() {
+            return at;
+        }
+        for (set, uvs) in self.mesh.uvs.iter().enumerate() {
+            let Some(uv) = self.interpolate(uvs) else { continue };
+            at.uv[set] = uv.to_array();
+            let [a, b, c] = self.indices.map(|i| uvs[i]);
+            let uv_area = (b - a).perp_dot(c - a).abs();
+            at.lod[set] = 0.5 * (uv_area * width * width / world_area).max(1e-30).log2();
+        }
+        at
+    }
+
+    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
+    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
+        let Some(n) = self.interpolate(&self.mesh.normals) else { return (ng, false) };
+        let n = Vec3::from(placement.world_from_object_normal * Vec3A::from(n));
+        let n = n.try_normalize().unwrap_or(ng);
+        // Some files' normals disagree with their winding; the winding decides which side is the front.
+        if n.dot(ng) < 0.0 { (-n, true) } else { (n, false) }
+    }
+
+    /// The axes of tangent space at unit normal `n`: x along +u and y along −v of the texture, as normal maps
+    /// expect. `None` where the texture coordinates are degenerate. `turned` normals point against those of the file, to
+    /// which its tangents refer.
+    fn tangent_basis(&self, placement: &Placement, (n, turned): (Vec3, bool), slot: &Slot) -> Option<[Vec3; 2]> {
+        let matrix = &placement.world_from_object;
+        let set = usize::from(slot.reference.uv_set.min(1));
+        if let (0, Some(tangent)) = (set, self.interpolate(&self.mesh.tangents)) {
+            let t = matrix.transform_vector3(tangent.truncate());
+            let x = t.reject_from_normalized(n).try_normalize()?;
+            let mirrored = matrix.matrix3.determinant() < 0.0;
+            let sign = if (tangent.w < 0.0) != (mirrored != turned) { -1.0 } else { 1.0 };
+            return Some([x, n.cross(x) * sign]);
+        }
+        let uvs = &self.mesh.uvs[set];
+        let at =
+            |i: usize| uvs.get(self.indices[i]).map(|&uv| slot.reference.transform.0.transform_point2(uv));
+        let (a, b, c) = (at(0)?, at(1)?, at(2)?);
+        let [pa, pb, pc] = self.world(matrix);
+        let (e1, e2, d1, d2) = (pb - pa, pc - pa, b - a, c - a);
+        let determinant = d1.perp_dot(d2);
+        let along_u = (e1 * d2.y - e2 * d1.y) * determinant.signum();
+        let along_v = (e2 * d1.x - e1 * d2.x) * determinant.signum();
+        let x = along_u.reject_from_normalized(n).try_normalize()?;
+        let y = n.cross(x);
+        Some([x, if y.dot(along_v) > 0.0 { -y } else { y }])
+    }
+}
+
+/// What was hit, with the attributes at the hit.
+pub(crate) enum Met<'a> {
+    Triangle(Corners<'a>),
+    Quadric(Spot),
+}
+
+impl<'a> Met<'a> {
+    /// `time` in [0, 1] of the shutter interval.
+    pub(crate) fn new(shape: &'a Geometry, primitive: u32, uv: Vec2, time: f32) -> Self {
+        match shape {
+            Geometry::Mesh(mesh) => Self::Triangle(Corners::new(mesh, primitive, uv, time)),
+            Geometry::Quadrics(quadrics) => {
+                Self::Quadric(Spot::new(&quadrics.shapes[primitive as usize], uv))
+            }
+        }
+    }
+
+    /// World-space point and a bound on its rounding error.
+    pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
+        match self {
+            Self::Triangle(corners) => corners.point(placement),
+            Self::Quadric(spot) => spot.point(placement),
+        }
+    }
+
+    /// Density per square metre of the world of points distributed evenly over this primitive, in object space.
+    pub(crate) fn area_pdf(&self, placement: &Placement) -> f32 {
+        match self {
+            Self::Triangle(corners) => 2.0 / corners.doubled_area(&placement.world_from_object),
+            Self::Quadric(spot) => spot.area_pdf(&placement.world_from_object),
+        }
+    }
+
+    /// World-space geometric normal on the front side; not unit length.
+    pub(crate) fn normal(&self, placement: &Placement) -> Vec3 {
+        match self {
+            Self::Triangle(corners) => {
+                let [a, b, c] = corners.world(&placement.world_from_object);
+                let cross = (b - a).cross(c - a);
+                // A mirroring transform turns the winding but not the front.
+                if placement.world_from_object.matrix3.determinant() < 0.0 { -cross } else { cross }
+            }
+            Self::Quadric(spot) => spot.normal(placement),
+        }
+    }
+
+    /// Texture coordinates with their footprints, and the mesh's colour. `width` is the footprint's, in metres.
+    pub(crate) fn coordinates(
+        &self,
+        material: &SurfaceMaterial,
+        placement: &Placement,
+        width: f32,
+    ) -> TextureCoordinates<f32> {
+        let matrix = &placement.world_from_object;
+        match self {
+            Self::Triangle(corners) => corners.coordinates(material, corners.doubled_area(matrix), width),
+            Self::Quadric(spot) => spot.coordinates(material, matrix, width),
+        }
+    }
+
+    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
+    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
+        match self {
+            Self::Triangle(corners) => corners.shading_normal(placement, ng),
+            Self::Quadric(_) => (ng, false),
+        }
+    }
+
+    /// The axes of tangent space for a normal map; zero where its coordinates are degenerate.
+    fn tangents(&self, placement: &Placement, smooth: (Vec3, bool), slot: &Slot) -> [Vec3; 2] {
+        let axes = match self {
+            Self::Triangle(corners) => corners.tangent_basis(placement, smooth, slot),
+            Self::Quadric(spot) => spot.tangent_basis(&placement.world_from_object, smooth.0, slot),
+        };
+        axes.unwrap_or_default()
+    }
+}
