@@ -1,6 +1,7 @@
 //! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,7 @@ use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, MaterialOverride,
     Progress, Scene,
 };
-use heliostat_shading::{CameraRays, LaneMode, PixelFilter};
+use heliostat_shading::{CameraRays, LaneMode, PixelFilter, ShaderRegistry};
 use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::{Compiled, Refused};
@@ -63,6 +64,7 @@ pub struct Engine {
     scene: Scene,
     compiled: Compiled,
     options: EngineOptions,
+    shaders: Arc<ShaderRegistry>,
     threads: NonZeroUsize,
     pool: rayon::ThreadPool,
 }
@@ -80,6 +82,15 @@ impl Engine {
     /// [`BackendError::Request`] if `HELIOSTAT_ISA` names an instruction set that is unknown or missing here,
     /// [`BackendError::Failed`] if threads cannot be started.
     pub fn new(options: EngineOptions) -> Result<Self, BackendError> {
+        Self::with_shaders(options, ShaderRegistry::built_in())
+    }
+
+    /// An engine with an empty scene whose materials may name these shaders.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn with_shaders(options: EngineOptions, shaders: ShaderRegistry) -> Result<Self, BackendError> {
+        let shaders = Arc::new(shaders);
         Isa::from_env().map_err(|error| BackendError::Request(format!("HELIOSTAT_ISA: {error}")))?;
         let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let threads = options.threads.unwrap_or_else(cores);
@@ -88,7 +99,8 @@ impl Engine {
             .thread_name(|i| format!("heliostat-build-{i}"))
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
-        Ok(Self { scene: Scene::default(), compiled: Compiled::new(&options), options, threads, pool })
+        let compiled = Compiled::new(&options, shaders.clone());
+        Ok(Self { scene: Scene::default(), compiled, options, shaders, threads, pool })
     }
 
     /// The scene as all edits so far have made it.
@@ -106,7 +118,7 @@ impl Engine {
         let mut scene = Scene::default();
         let edits = self.scene.to_edits();
         let applied = scene.apply(&edits)?;
-        let mut compiled = Compiled::new(&self.options);
+        let mut compiled = Compiled::new(&self.options, self.shaders.clone());
         let result = self.pool.install(|| compiled.update(&scene, &edits, &applied, &Progress::new()));
         self.compiled = compiled;
         match result {

@@ -38,6 +38,7 @@ mod material;
 mod object;
 mod quadric;
 mod scene;
+mod shader;
 mod texture;
 mod timeline;
 
@@ -54,5 +55,6 @@ pub use material::{AlphaMode, Clearcoat, Material, TextureRef, UvTransform, Volu
 pub use object::{Instance, Object, Part};
 pub use quadric::{Quadric, Quadrics};
 pub use scene::{Scene, SceneBounds};
+pub use shader::{ParameterValue, ShaderRef, ShaderUse};
 pub use texture::{ColorSpace, Image, Pixels, Texture, Wrap};
 pub use timeline::{Clip, Motion, Pose, Timeline};

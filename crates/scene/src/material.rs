@@ -1,8 +1,10 @@
 //! What a surface is made of: the metallic-roughness model of glTF 2.0 with its ratified extensions.
 
+use std::sync::Arc;
+
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 
-use crate::TextureId;
+use crate::{ShaderUse, TextureId};
 
 /// A surface's look. Every texture multiplies the factor of the same name.
 ///
@@ -63,6 +65,8 @@ pub struct Material {
     /// renderer `direct` adds wherever the surface is, lit or not. It stands for the light between surfaces in scenes
     /// made for such renderers. Physical materials have none, and renderers that follow that light ignore it.
     pub ambient: Vec3,
+    /// A shader that changes any of the above from point to point; it starts from what they say.
+    pub shader: Option<Arc<ShaderUse>>,
 }
 
 impl Default for Material {
@@ -92,6 +96,7 @@ impl Default for Material {
             clearcoat: None,
             unlit: false,
             ambient: Vec3::ZERO,
+            shader: None,
         }
     }
 }
@@ -136,7 +141,7 @@ impl Material {
     }
 
     /// Every texture the material refers to, with the field's name.
-    pub fn textures(&self) -> impl Iterator<Item = (&'static str, &TextureRef)> {
+    pub fn textures(&self) -> impl Iterator<Item = (&str, &TextureRef)> {
         let coat = self.clearcoat.as_ref();
         [
             ("base_color_texture", self.base_color_texture.as_ref()),
@@ -152,6 +157,7 @@ impl Material {
         ]
         .into_iter()
         .filter_map(|(name, texture)| Some((name, texture?)))
+        .chain(self.shader.iter().flat_map(|shader| shader.textures()))
     }
 
     /// Whether any of it emits light.

@@ -5,8 +5,8 @@ use std::f32::consts::{PI, TAU};
 use glam::{Affine3A, Mat3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Projection};
 
-use crate::sampling::concentric_disk;
 use crate::placement::mix;
+use crate::sampling::concentric_disk;
 
 /// A camera made ready for one picture size.
 #[derive(Clone, Debug)]

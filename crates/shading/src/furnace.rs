@@ -9,9 +9,11 @@ use heliostat_scene::{Clearcoat, Material, MaterialId, Volume};
 
 use crate::bsdf::{Bsdf, Selection};
 use crate::lanes::Vector;
-use crate::material::{InterfaceCache, LobeGeometry, SurfaceMaterial, TextureCoordinates};
+use crate::lobes::{LobeGeometry, appearance};
+use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::sampling::uniform_sphere;
+use crate::shader::ShaderRegistry;
 
 const ROUGHNESSES: [f32; 8] = [0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0];
 const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
@@ -19,12 +21,18 @@ const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
 const TOLERANCE: f32 = 0.005;
 
 fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Bsdf<f32> {
-    let material = SurfaceMaterial::new(MaterialId(0), &Arc::new(material.clone()), &BTreeMap::new(), cache);
+    let material = SurfaceMaterial::new(
+        MaterialId(0),
+        &Arc::new(material.clone()),
+        &BTreeMap::new(),
+        cache,
+        &ShaderRegistry::default(),
+    );
     let normal = Vector::from(Vec3::Z);
     let wo = Vector::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let at = TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color: Vec4::ONE.into() };
-    let geometry = LobeGeometry { normal, coat_normal: normal, ng: normal, wo, front };
-    material.appearance(&at, &geometry).bsdf
+    let closure = material.closure(&at, (normal, normal), front);
+    appearance(&material, &closure, &LobeGeometry { ng: normal, wo, front }).bsdf
 }
 
 /// Low-discrepancy points of the unit cube.

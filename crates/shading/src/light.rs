@@ -13,12 +13,12 @@ use fearless_simd::{Level, Simd};
 use crate::environment::EnvironmentLight;
 use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::material::SurfaceMaterial;
-use crate::quadric;
-use crate::sampling::{Discrete, uniform_triangle};
-use crate::surface::{LaneMode, Surfaces};
 use crate::packet::{Illumination, on_lanes};
 use crate::placement::{Placement, ShadedPart};
 use crate::point::{Corners, Met};
+use crate::quadric;
+use crate::sampling::{Discrete, uniform_triangle};
+use crate::surface::{LaneMode, Surfaces};
 
 /// Every light of a scene: points, spots, directions, emissive parts of placements, the environment.
 #[derive(Clone, Debug, Default)]
@@ -228,9 +228,7 @@ impl Lights {
     ) {
         if let Emitter::Light(kind) = &self.emitters[emitter] {
             let position = &surfaces.position;
-            on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(
-                token, lane, kind, position, out
-            ));
+            on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(token, lane, kind, position, out));
             return;
         }
         for lane in 0..count {
@@ -321,7 +319,11 @@ fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector
         LightKind::Directional { direction, irradiance } => {
             let wi = (-direction).try_normalize();
             let irradiance = if wi.is_some() { irradiance } else { Vec3::ZERO };
-            return (constant(wi.unwrap_or_default()), F::constant(token, f32::INFINITY), constant(irradiance));
+            return (
+                constant(wi.unwrap_or_default()),
+                F::constant(token, f32::INFINITY),
+                constant(irradiance),
+            );
         }
     };
     let to_light = constant(position) - at;

@@ -6,18 +6,15 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, TextureId, TextureRef};
 
-use crate::albedo::{InterfaceTables, reflection};
-use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, ThinTransmission};
+use crate::albedo::InterfaceTables;
+use crate::bsdf::Lobes;
+use crate::closure::Closure;
 use crate::color::Rgba;
-use crate::fresnel::{dielectric, normal_incidence, schlick_weight};
-use crate::lanes::{LaneFn, Mask, Real, Vector};
+use crate::lanes::{LaneFn, Real, Vector};
+use crate::lobes::effective_ior;
 use crate::microfacet::SMOOTH_ALPHA;
+use crate::shader::{Input, ShaderRegistry, SurfaceProgram, inputs};
 use crate::texture::MipMap;
-
-/// Reflectance of the clear coat at normal incidence: index 1.5.
-const COAT_F0: f32 = 0.04;
-/// Stands for an infinite index (ior = 0 in KHR_materials_ior): reflects 99.996 % at normal incidence.
-const MIRROR_IOR: f32 = 1e5;
 
 /// A texture in use: the pyramid and how coordinates map to it.
 #[derive(Clone, Debug)]
@@ -44,10 +41,20 @@ pub struct SurfaceMaterial {
     coat: Option<Slot>,
     coat_roughness: Option<Slot>,
     pub(crate) coat_normal: Option<Slot>,
-    interface: Option<Arc<InterfaceTables>>,
+    pub(crate) interface: Option<Arc<InterfaceTables>>,
     textured: bool,
     /// The lobes that may have energy somewhere.
     lobes: Lobes,
+    pub(crate) shader: Option<BoundShader>,
+}
+
+/// A shader with the values of its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct BoundShader {
+    pub(crate) program: Arc<dyn SurfaceProgram>,
+    pub(crate) inputs: Vec<Input>,
+    /// Whether it may make an opaque material let light pass.
+    see_through: bool,
 }
 
 /// Texture coordinates at a point: both sets, and the footprint per set.
@@ -60,44 +67,18 @@ pub(crate) struct TextureCoordinates<F> {
     pub(crate) color: Rgba<F>,
 }
 
-/// The geometry that lobes need.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LobeGeometry<F: Real> {
-    /// Shading normal on `wo`'s side.
-    pub(crate) normal: Vector<F>,
-    /// The coat's.
-    pub(crate) coat_normal: Vector<F>,
-    /// On `wo`'s side.
-    pub(crate) ng: Vector<F>,
-    pub(crate) wo: Vector<F>,
-    /// Whether `wo` sees the front.
-    pub(crate) front: F::Mask,
-}
-
-/// What a material does with light at a point.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Appearance<F> {
-    pub(crate) bsdf: Bsdf<F>,
-    /// Share of light that meets the surface at all.
-    pub(crate) coverage: F,
-    /// Light that passes straight through, per channel: holes and clear thin sheets.
-    pub(crate) through: Vector<F>,
-    /// Reflected share of uniform white light.
-    pub(crate) albedo: Vector<F>,
-    /// Radiance of the classical ambient term.
-    pub(crate) ambient: Vector<F>,
-}
-
 /// Shared tables of interfaces, by the bits of their index.
 pub type InterfaceCache = BTreeMap<u32, Arc<InterfaceTables>>;
 
 impl SurfaceMaterial {
-    /// Resolves a material's textures, which must be in `textures`; missing ones read as white.
+    /// Resolves a material's textures, which must be in `textures`; missing ones read as white. A shader that is not in
+    /// `shaders` is replaced by a placeholder of a loud colour.
     pub fn new(
         id: MaterialId,
         source: &Arc<Material>,
         textures: &BTreeMap<TextureId, Arc<MipMap>>,
         interfaces: &mut InterfaceCache,
+        shaders: &ShaderRegistry,
     ) -> Self {
         let slot = |reference: &Option<TextureRef>| {
             let reference = (*reference)?;
@@ -108,6 +89,14 @@ impl SurfaceMaterial {
         let interface = solid.then(|| {
             let ior = effective_ior(source.ior);
             interfaces.entry(ior.to_bits()).or_insert_with(|| Arc::new(InterfaceTables::new(ior))).clone()
+        });
+        let mut lobes = possible_lobes(source);
+        let shader = source.shader.as_ref().filter(|_| !source.unlit).map(|wanted| {
+            let program = shaders.find_or_placeholder(wanted);
+            let info = program.info();
+            lobes = lobes.union(info.lobes);
+            let inputs = inputs(&info.parameters, wanted, textures);
+            BoundShader { program, inputs, see_through: info.see_through }
         });
         Self {
             id,
@@ -123,8 +112,9 @@ impl SurfaceMaterial {
             coat_roughness: coat.and_then(|c| slot(&c.roughness_texture)),
             coat_normal: coat.and_then(|c| slot(&c.normal_texture)),
             interface,
-            textured: source.textures().next().is_some(),
-            lobes: possible_lobes(source),
+            textured: source.textures().next().is_some() || shader.is_some(),
+            lobes,
+            shader,
         }
     }
 
@@ -167,6 +157,7 @@ impl SurfaceMaterial {
         let may_be_smooth =
             m.roughness * m.roughness <= SMOOTH_ALPHA || m.metallic_roughness_texture.is_some();
         m.alpha_mode != AlphaMode::Opaque
+            || self.shader.as_ref().is_some_and(|shader| shader.see_through)
             || (m.transmission > 0.0 && m.volume.is_none() && may_be_smooth && !m.unlit)
     }
 
@@ -235,121 +226,52 @@ impl SurfaceMaterial {
         }
     }
 
-    /// The material's parameters at a point turned into lobes.
+    /// The material's parameters at points of mesh coordinates `at`, with the normals of its maps.
     #[inline(always)]
-    pub(crate) fn appearance<F: Real>(
+    pub(crate) fn closure<F: Real>(
         &self,
         at: &TextureCoordinates<F>,
-        geometry: &LobeGeometry<F>,
-    ) -> Appearance<F> {
+        (normal, coat_normal): (Vector<F>, Vector<F>),
+        front: F::Mask,
+    ) -> Closure<F> {
         let m = &*self.source;
         let base = self.base_color(at);
-        let coverage = self.coverage(base.a);
-        let base = base.rgb;
-        let (zero, one) = (coverage.splat(0.0), coverage.splat(1.0));
-        let black = Vector::grey(zero);
+        let zero = base.a.splat(0.0);
+        let one = base.a.splat(1.0);
+        let (mut coat, mut coat_roughness) = (zero, zero);
+        if let Some(layer) = &m.clearcoat {
+            coat = (lookup(&self.coat, at).rgb.x * layer.factor).clamp(0.0, 1.0);
+            coat_roughness = (lookup(&self.coat_roughness, at).rgb.y * layer.roughness).clamp(0.0, 1.0);
+        }
         let metallic_roughness = lookup(&self.metallic_roughness, at).rgb;
-        let alpha = (metallic_roughness.y * m.roughness).clamp(0.0, 1.0).squared();
-        let metallic = (metallic_roughness.z * m.metallic).clamp(0.0, 1.0);
-        let cos = geometry.normal.dot(geometry.wo).clamp(1e-5, 1.0);
-
-        let coat = self.coat_layer(at, geometry);
-        let uncoated = coat.albedo.complement();
-        let below = metallic.complement() * uncoated;
-        let transmission = match m.transmission > 0.0 {
-            true => (lookup(&self.transmission, at).rgb.x * m.transmission).clamp(0.0, 1.0),
-            false => zero,
-        };
-        let solid = self.interface.is_some();
-
-        // A thin sheet's two faces reflect together like the opaque base's one; a solid's interface is a lobe of its own.
-        let (mut specular, mut specular_albedo, mut base_kept) = (Reflection::none(zero), black, base);
-        if self.lobes.contains(Lobes::SPECULAR) {
-            let kept = kept_by_ggx(cos, alpha);
-            let strength = (lookup(&self.specular, at).a * m.specular).clamp(0.0, 1.0);
-            let tint = Vector::constant(zero.token(), m.specular_color) * lookup(&self.specular_color, at).rgb;
-            let f0 = tint.scaled(normal_incidence(m.ior)).clamp(0.0, 1.0) * strength;
-            let metal = Layer::new(base, Vector::grey(one), kept);
-            let dielectric = Layer::new(f0, Vector::grey(strength), kept);
-            base_kept = base * dielectric.albedo.complement().positive();
-            let metal_weight = metallic * uncoated;
-            let dielectric_weight = if solid { below * transmission.complement() } else { below };
-            specular_albedo = metal.albedo * metal_weight + dielectric.albedo * dielectric_weight;
-            specular = Reflection {
-                f0: metal.f0 * metal_weight + dielectric.f0 * dielectric_weight,
-                f90: metal.f90 * metal_weight + dielectric.f90 * dielectric_weight,
-                alpha,
-            };
+        let glossy = self.lobes.contains(Lobes::SPECULAR);
+        let white = Vector::grey(one);
+        Closure {
+            base_color: base.rgb,
+            opacity: self.coverage(base.a),
+            metallic: (metallic_roughness.z * m.metallic).clamp(0.0, 1.0),
+            roughness: (metallic_roughness.y * m.roughness).clamp(0.0, 1.0),
+            specular: match glossy {
+                true => (lookup(&self.specular, at).a * m.specular).clamp(0.0, 1.0),
+                false => zero,
+            },
+            specular_color: match glossy {
+                true => {
+                    Vector::constant(zero.token(), m.specular_color) * lookup(&self.specular_color, at).rgb
+                }
+                false => white,
+            },
+            transmission: match m.transmission > 0.0 {
+                true => (lookup(&self.transmission, at).rgb.x * m.transmission).clamp(0.0, 1.0),
+                false => zero,
+            },
+            coat,
+            coat_roughness,
+            emission: self.emission(at, front),
+            ambient: self.ambient(at),
+            normal,
+            coat_normal,
         }
-        let diffuse = base_kept * (below * transmission.complement());
-        let mut albedo = diffuse + specular_albedo + Vector::grey(coat.albedo);
-        let mut through = Vector::grey(coverage.complement());
-        let mut glass = Glass::none(zero);
-        let mut thin = ThinTransmission { color: black, alpha };
-        if solid {
-            glass = self.glass(base, alpha, cos, geometry.front, below * transmission);
-            albedo = albedo + glass.albedo();
-        } else if m.transmission > 0.0 {
-            let sheet = base_kept * (below * transmission);
-            let clear = sheet.only(alpha.le(alpha.splat(SMOOTH_ALPHA)));
-            let kept = kept_by_ggx(cos, alpha);
-            thin.color = (sheet - clear) * (kept[0] + kept[1]).max(zero.splat(1e-3)).recip();
-            through = through + clear * coverage;
-            albedo = albedo + sheet;
-        }
-        let mut bsdf = Bsdf {
-            normal: geometry.normal,
-            coat_normal: geometry.coat_normal,
-            ng: geometry.ng,
-            wo: geometry.wo,
-            diffuse,
-            specular,
-            coat: coat.reflection,
-            glass,
-            thin,
-            lobes: self.lobes,
-            choice: [zero; 5],
-        };
-        bsdf.choose(specular_albedo, coat.albedo);
-        Appearance { bsdf, coverage, through, albedo, ambient: self.ambient(at) }
-    }
-
-    /// The interface of a solid, weighted so that a clear one loses nothing at any roughness.
-    #[inline(always)]
-    fn glass<F: Real>(&self, base: Vector<F>, alpha: F, cos: F, front: F::Mask, weight: F) -> Glass<F> {
-        let zero = alpha.splat(0.0);
-        let Some(tables) = self.interface.as_ref() else { return Glass::none(zero) };
-        let ior = effective_ior(self.source.ior);
-        let eta = zero.splat(ior).where_or(front, zero.splat(1.0 / ior));
-        // Without a step of the index nothing bends, however rough.
-        let alpha = if (ior - 1.0).abs() < 1e-3 { zero } else { alpha };
-        let smooth = alpha.le(alpha.splat(SMOOTH_ALPHA));
-        let (mut reflectance, mut kept) = (dielectric(cos, eta), zero.splat(1.0));
-        if !smooth.all() {
-            let entering = tables.entering.lookup(cos, alpha);
-            let leaving = tables.leaving.lookup(cos, alpha);
-            let reflected = entering[0].where_or(front, leaving[0]);
-            let sum = (reflected + entering[1].where_or(front, leaving[1])).max(zero.splat(1e-3));
-            reflectance = reflectance.where_or(smooth, reflected / sum);
-            kept = kept.where_or(smooth, sum);
-        }
-        let weight = weight / kept;
-        Glass { eta, alpha, reflectance, reflect: weight, transmit: base * weight }
-    }
-
-    #[inline(always)]
-    fn coat_layer<F: Real>(&self, at: &TextureCoordinates<F>, geometry: &LobeGeometry<F>) -> Coat<F> {
-        let zero = at.color.a.splat(0.0);
-        let Some(coat) = self.source.clearcoat.as_ref().filter(|_| self.lobes.contains(Lobes::COAT)) else {
-            return Coat { reflection: Reflection::none(zero), albedo: zero };
-        };
-        let factor = (lookup(&self.coat, at).rgb.x * coat.factor).clamp(0.0, 1.0);
-        let alpha = (lookup(&self.coat_roughness, at).rgb.y * coat.roughness).clamp(0.0, 1.0).squared();
-        let cos = geometry.coat_normal.dot(geometry.wo).clamp(1e-5, 1.0);
-        let f0 = Vector::grey(zero.splat(COAT_F0));
-        let layer = Layer::new(f0, Vector::grey(zero.splat(1.0)), kept_by_ggx(cos, alpha));
-        let reflection = Reflection { f0: layer.f0 * factor, f90: layer.f90 * factor, alpha };
-        Coat { reflection, albedo: (layer.albedo.x * factor).min(zero.splat(1.0)) }
     }
 }
 
@@ -372,47 +294,6 @@ fn possible_lobes(m: &Material) -> Lobes {
     present.into_iter().filter(|(_, is)| *is).fold(Lobes::NONE, |set, (lobe, _)| set.union(lobe))
 }
 
-/// A reflecting layer under Schlick's Fresnel term with the energy of multiple scattering given back.
-struct Layer<F> {
-    f0: Vector<F>,
-    f90: Vector<F>,
-    albedo: Vector<F>,
-}
-
-impl<F: Real> Layer<F> {
-    /// Turquin 2019, equation 15: the lobe is scaled by 1 + F0 (1 − E) / E.
-    #[inline(always)]
-    fn new(f0: Vector<F>, f90: Vector<F>, kept: [F; 2]) -> Self {
-        let one = kept[0].splat(1.0);
-        let lost = (kept[0] + kept[1]).max(kept[0].splat(1e-3)).recip() - 1.0;
-        let compensation = Vector::grey(one) + f0 * lost;
-        let albedo = (f0 * kept[0] + f90 * kept[1]) * compensation;
-        Self { f0: f0 * compensation, f90: f90 * compensation, albedo }
-    }
-}
-
-struct Coat<F> {
-    reflection: Reflection<F>,
-    albedo: F,
-}
-
-/// The split albedo of single scattering; smooth lobes follow Schlick's term exactly.
-#[inline(always)]
-fn kept_by_ggx<F: Real>(cos: F, alpha: F) -> [F; 2] {
-    let smooth = alpha.le(alpha.splat(SMOOTH_ALPHA));
-    let schlick = schlick_weight(cos);
-    let exact = [schlick.complement(), schlick];
-    if smooth.all() {
-        return exact;
-    }
-    let [a, b] = reflection().lookup(cos, alpha);
-    [exact[0].where_or(smooth, a), exact[1].where_or(smooth, b)]
-}
-
-fn effective_ior(ior: f32) -> f32 {
-    if ior == 0.0 { MIRROR_IOR } else { ior.min(MIRROR_IOR) }
-}
-
 #[inline(always)]
 pub(crate) fn lookup<F: Real>(slot: &Option<Slot>, at: &TextureCoordinates<F>) -> Rgba<F> {
     match slot {
@@ -422,7 +303,7 @@ pub(crate) fn lookup<F: Real>(slot: &Option<Slot>, at: &TextureCoordinates<F>) -
 }
 
 impl Slot {
-    fn new(map: Arc<MipMap>, reference: TextureRef) -> Self {
+    pub(crate) fn new(map: Arc<MipMap>, reference: TextureRef) -> Self {
         let texels = map.size();
         let area = reference.transform.0.matrix2.determinant().abs() * texels.x * texels.y;
         Self { map, reference, scale: 0.5 * area.max(1e-20).log2() }

@@ -4,11 +4,13 @@ use glam::{Affine3A, Vec2, Vec3, Vec3A, Vec4};
 use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Geometry, Mesh};
 
+use crate::basis::Basis;
 use crate::camera::Cone;
 use crate::lanes::{Floats, Real, Vector, Vectors};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
 use crate::placement::{Placement, ShadedPart};
 use crate::quadric::Spot;
+use crate::shader::Point;
 
 /// Sixteen points of surfaces of one material, seen along rays: what surface shaders get. Lanes that hold no point hold
 /// whatever was there before.
@@ -33,17 +35,40 @@ pub struct Points {
     pub color: Vectors,
     /// The mesh's alpha.
     pub alpha: Floats,
+    /// Distance along the ray that arrived, metres.
+    pub distance: Floats,
+    /// Edges between the camera and this point, from 1.
+    pub level: Floats,
+    /// Width of the footprint across the ray, metres. This and what follows is there for materials with a shader.
+    pub width: Floats,
+    /// Object space.
+    pub object_position: Vectors,
+    /// The linear part of the transform from world to object space, column by column.
+    pub object_from_world: [Vectors; 3],
     /// Axes of tangent space for the normal map and for the coat's; zero where there are none.
     pub tangents: [[Vectors; 2]; 2],
 }
 
+/// A ray at the surface it hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival<'a> {
+    /// What was hit.
+    pub hit: &'a Hit,
+    /// Of unit direction.
+    pub ray: &'a Ray,
+    /// Footprint at the hit.
+    pub cone: Cone,
+    /// Edges between the camera and the hit, from 1.
+    pub level: u32,
+}
+
 impl Points {
-    /// Fills a lane with the point of `part` where `ray`, of unit direction, was hit; its footprint there is `cone`.
+    /// Fills a lane with the point of `part` where a ray arrived.
     pub(crate) fn set(
         &mut self,
         lane: usize,
         (placement, part, material): (&Placement, &ShadedPart, &SurfaceMaterial),
-        (hit, ray, cone): (&Hit, &Ray, Cone),
+        Arrival { hit, ray, cone, level }: Arrival<'_>,
     ) {
         let met = Met::new(&part.shape, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
         let wo = -ray.direction;
@@ -62,6 +87,16 @@ impl Points {
         if !material.is_textured() {
             return;
         }
+        if material.shader.is_some() {
+            self.distance.0[lane] = hit.t;
+            self.level.0[lane] = level as f32;
+            self.width.0[lane] = cone.width;
+            self.object_position.set(lane, met.object_position());
+            let inverse = placement.world_from_object_normal.transpose();
+            for (column, to) in inverse.to_cols_array_2d().into_iter().zip(&mut self.object_from_world) {
+                to.set(lane, column.into());
+            }
+        }
         for set in 0..2 {
             self.lod[set].0[lane] = at.lod[set];
             for axis in 0..2 {
@@ -74,6 +109,32 @@ impl Points {
                 tangents[0].set(lane, x);
                 tangents[1].set(lane, y);
             }
+        }
+    }
+
+    /// Lanes from `lane` on as shaders see them.
+    #[inline(always)]
+    pub(crate) fn point<F: Real>(&self, token: F::Token, lane: usize) -> Point<F> {
+        let ng = Vector::<F>::load(token, &self.ng, lane);
+        let wo = Vector::load(token, &self.wo, lane);
+        let [x, y, z] = &self.object_from_world;
+        let x = Vector::<F>::load(token, x, lane);
+        let y = Vector::<F>::load(token, y, lane);
+        let z = Vector::<F>::load(token, z, lane);
+        let tangent = Basis::from_normal(Vector::<F>::load(token, &self.normal, lane));
+        let (a, b) = (tangent.x, tangent.y);
+        Point {
+            position: Vector::load(token, &self.position, lane),
+            object_position: Vector::load(token, &self.object_position, lane),
+            ng,
+            wo,
+            front: ng.dot(wo).gt(ng.x.splat(0.0)),
+            uv: [F::load(token, &self.uv[0][0], lane), F::load(token, &self.uv[0][1], lane)],
+            width: F::load(token, &self.width, lane),
+            distance: F::load(token, &self.distance, lane),
+            level: F::load(token, &self.level, lane),
+            axes: [a, b],
+            object_axes: [x * a.x + y * a.y + z * a.z, x * b.x + y * b.y + z * b.z],
         }
     }
 
@@ -141,12 +202,17 @@ impl<'a> Corners<'a> {
         Some(*values.get(a)? * wa + *values.get(b)? * wb + *values.get(c)? * wc)
     }
 
+    fn object_position(&self) -> Vec3 {
+        let [a, b, c] = self.positions();
+        let [wa, wb, wc] = self.weights;
+        a * wa + b * wb + c * wc
+    }
+
     /// World-space point and a bound on its rounding error.
     pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
         let world_from_object = &placement.world_from_object;
         let [a, b, c] = self.positions();
-        let [wa, wb, wc] = self.weights;
-        let p = a * wa + b * wb + c * wc;
+        let p = self.object_position();
         let largest = a.abs().max(b.abs()).max(c.abs());
         (world_from_object.transform_point3(p), placement.rounding(largest))
     }
@@ -185,7 +251,12 @@ impl<'a> Corners<'a> {
     /// The axes of tangent space at unit normal `n`: x along +u and y along −v of the texture, as normal maps
     /// expect. `None` where the texture coordinates are degenerate. `turned` normals point against those of the file, to
     /// which its tangents refer.
-    fn tangent_basis(&self, placement: &Placement, (n, turned): (Vec3, bool), slot: &Slot) -> Option<[Vec3; 2]> {
+    fn tangent_basis(
+        &self,
+        placement: &Placement,
+        (n, turned): (Vec3, bool),
+        slot: &Slot,
+    ) -> Option<[Vec3; 2]> {
         let matrix = &placement.world_from_object;
         let set = usize::from(slot.reference.uv_set.min(1));
         if let (0, Some(tangent)) = (set, self.interpolate(&self.mesh.tangents)) {
@@ -224,6 +295,13 @@ impl<'a> Met<'a> {
             Geometry::Quadrics(quadrics) => {
                 Self::Quadric(Spot::new(&quadrics.shapes[primitive as usize], uv))
             }
+        }
+    }
+
+    fn object_position(&self) -> Vec3 {
+        match self {
+            Self::Triangle(corners) => corners.object_position(),
+            Self::Quadric(spot) => spot.object_position(),
         }
     }
 

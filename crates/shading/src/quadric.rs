@@ -32,6 +32,10 @@ impl Spot {
         Self { shape, uv, point: shape.at(uv.x, uv.y) }
     }
 
+    pub(crate) fn object_position(&self) -> Vec3 {
+        self.point.position
+    }
+
     /// World-space point and a bound on its rounding error.
     pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
         let bounds = self.shape.bounds();

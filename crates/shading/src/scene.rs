@@ -10,11 +10,11 @@ use crate::camera::Cone;
 use crate::environment::EnvironmentLight;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
-use crate::placement::{Placement, ShadedPart};
 use crate::packet::Illumination;
-use crate::point::{Met, Points};
+use crate::placement::{Placement, ShadedPart};
+use crate::point::{Arrival, Met, Points};
 use crate::sort::HitPacket;
-use crate::surface::{LaneMode, Surface, Surfaces, shade, surface};
+use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
 
 /// Materials, placements and lights, indexed the way the kernel reports hits.
 ///
@@ -145,34 +145,35 @@ impl ShadingScene {
         self.parts[placement.parts as usize][hit.geometry as usize].material
     }
 
-    /// Shades the hits of a packet into the lanes of `surfaces`, in their order. `along` gives each hit, the ray, of unit
-    /// direction, that found it, and the footprint there. `points` is scratch space.
+    /// Shades the hits of a packet into the lanes of `surfaces`, in their order. `along` gives the ray of each hit.
+    /// `scratch` is for inner use.
     pub fn shade<'a>(
         &self,
         packet: &HitPacket<'_>,
-        along: impl Fn(usize) -> (&'a Hit, &'a Ray, Cone),
-        points: &mut Points,
+        along: impl Fn(usize) -> Arrival<'a>,
+        scratch: &mut ShadeScratch,
         surfaces: &mut Surfaces,
     ) {
         for (lane, &index) in packet.hits.iter().enumerate() {
-            let (hit, ray, cone) = along(index as usize);
-            self.gather(lane, hit, ray, cone, points);
+            self.gather(lane, along(index as usize), &mut scratch.points);
         }
         let material = &self.materials[packet.material as usize];
-        shade(self.mode, material, points, packet.hits.len(), surfaces);
+        shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
 
-    fn gather(&self, lane: usize, hit: &Hit, ray: &Ray, cone: Cone, points: &mut Points) {
-        let (placement, part, material) = self.part(hit);
-        let moved = placement.at(ray.time);
-        points.set(lane, (moved.as_ref().unwrap_or(placement), part, material), (hit, ray, cone));
+    fn gather(&self, lane: usize, arrival: Arrival<'_>, points: &mut Points) {
+        let (placement, part, material) = self.part(arrival.hit);
+        let moved = placement.at(arrival.ray.time);
+        points.set(lane, (moved.as_ref().unwrap_or(placement), part, material), arrival);
     }
 
     /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
     pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface<f32> {
-        let mut points = Points::default();
-        self.gather(0, hit, ray, cone, &mut points);
-        surface((), self.part(hit).2, &points, 0)
+        let mut scratch = ShadeScratch::default();
+        let mut surfaces = Surfaces::default();
+        self.gather(0, Arrival { hit, ray, cone, level: 1 }, &mut scratch.points);
+        shade(LaneMode::Single, self.part(hit).2, &mut scratch, 1, &mut surfaces);
+        surfaces.lane(0)
     }
 
     /// The way straight through the surface at a hit: what passes, per channel, and where the ray goes on. `None` if

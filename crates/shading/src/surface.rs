@@ -5,8 +5,10 @@ use glam::Vec3;
 use heliostat_kernel::Isa;
 
 use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, Selection, ThinTransmission};
+use crate::closure::{Closure, Closures};
 use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH};
-use crate::material::{LobeGeometry, Slot, SurfaceMaterial, TextureCoordinates};
+use crate::lobes::{LobeGeometry, appearance};
+use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
 use crate::packet::on_lanes;
 use crate::point::Points;
 
@@ -290,69 +292,122 @@ impl Default for LaneMode {
     }
 }
 
-/// Shades points of one material.
-pub(crate) fn shade(mode: LaneMode, material: &SurfaceMaterial, points: &Points, count: usize, out: &mut Surfaces) {
-    out.mode = mode;
-    on_lanes!(mode, count, |token, lane| shade_lanes::<_>(token, lane, material, points, out));
+/// What shading a packet takes besides its result.
+#[derive(Clone, Debug, Default)]
+pub struct ShadeScratch {
+    pub(crate) points: Points,
+    closures: Closures,
 }
 
+/// Shades points of one material.
+pub(crate) fn shade(
+    mode: LaneMode,
+    material: &SurfaceMaterial,
+    scratch: &mut ShadeScratch,
+    count: usize,
+    out: &mut Surfaces,
+) {
+    out.mode = mode;
+    let ShadeScratch { points, closures } = scratch;
+    match &material.shader {
+        None => on_lanes!(mode, count, |token, lane| plain::<_>(token, lane, material, points, out)),
+        Some(shader) => {
+            on_lanes!(mode, count, |token, lane| begin::<_>(token, lane, material, points, closures));
+            shader.program.run(mode, count, points, &shader.inputs, closures);
+            on_lanes!(mode, count, |token, lane| finish::<_>(token, lane, material, points, closures, out));
+        }
+    }
+}
+
+/// A material without a shader, in one go.
 #[inline(always)]
-fn shade_lanes<F: Real>(
+fn plain<F: Real>(
     token: F::Token,
     lane: usize,
     material: &SurfaceMaterial,
     points: &Points,
     out: &mut Surfaces,
 ) {
-    out.store::<F>(&surface(token, material, points, lane), lane);
+    let closure = closure::<F>(token, material, points, lane);
+    out.store::<F>(&surface(token, material, points, closure, lane), lane);
 }
 
-/// The surface at points of one material, from `lane` on.
+/// What a shader starts from.
 #[inline(always)]
-pub(crate) fn surface<F: Real>(
+fn begin<F: Real>(
+    token: F::Token,
+    lane: usize,
+    material: &SurfaceMaterial,
+    points: &Points,
+    closures: &mut Closures,
+) {
+    closures.store::<F>(&closure(token, material, points, lane), lane);
+}
+
+/// What becomes of a shader's answer.
+#[inline(always)]
+fn finish<F: Real>(
+    token: F::Token,
+    lane: usize,
+    material: &SurfaceMaterial,
+    points: &Points,
+    closures: &Closures,
+    out: &mut Surfaces,
+) {
+    let closure = closures.load::<F>(token, lane).sane();
+    out.store::<F>(&surface(token, material, points, closure, lane), lane);
+}
+
+/// The closure of a material at points, from `lane` on.
+#[inline(always)]
+fn closure<F: Real>(token: F::Token, material: &SurfaceMaterial, points: &Points, lane: usize) -> Closure<F> {
+    let at = points.coordinates(token, lane);
+    let wo = Vector::<F>::load(token, &points.wo, lane);
+    let front = Vector::<F>::load(token, &points.ng, lane).dot(wo).gt(F::constant(token, 0.0));
+    let smooth = Vector::load(token, &points.normal, lane);
+    let source = material.source();
+    let normal = mapped(points, 0, lane, smooth, &material.normal, source.normal_scale, &at);
+    let coat_normal = match &source.clearcoat {
+        Some(coat) => mapped(points, 1, lane, smooth, &material.coat_normal, coat.normal_scale, &at),
+        None => normal,
+    };
+    material.closure(&at, (normal, coat_normal), front)
+}
+
+/// The surface at points, from `lane` on, of a closure.
+#[inline(always)]
+fn surface<F: Real>(
     token: F::Token,
     material: &SurfaceMaterial,
     points: &Points,
+    mut closure: Closure<F>,
     lane: usize,
 ) -> Surface<F> {
     let zero = F::constant(token, 0.0);
-    let black = Vector::grey(zero);
     let wo = Vector::<F>::load(token, &points.wo, lane);
     let ng = Vector::<F>::load(token, &points.ng, lane);
-    let at = points.coordinates(token, lane);
     let front = ng.dot(wo).gt(zero);
-    let smooth = Vector::load(token, &points.normal, lane);
-
-    let source = material.source();
-    let normal = mapped(points, 0, lane, smooth, &material.normal, source.normal_scale, &at);
-    let normal = towards_viewer((normal).where_or(front, -normal), wo);
-    let coat_normal = match &source.clearcoat {
-        Some(coat) => {
-            let normal = mapped(points, 1, lane, smooth, &material.coat_normal, coat.normal_scale, &at);
-            towards_viewer(normal.where_or(front, -normal), wo)
-        }
-        None => normal,
-    };
+    closure.normal = towards_viewer(closure.normal.where_or(front, -closure.normal), wo);
+    closure.coat_normal = towards_viewer(closure.coat_normal.where_or(front, -closure.coat_normal), wo);
     let ng = ng.where_or(front, -ng);
-    let geometry = LobeGeometry { normal, coat_normal, ng, wo, front };
-    let mut appearance = material.appearance(&at, &geometry);
-    let mut emission = material.emission(&at, front);
-    if source.unlit {
-        emission = material.base_color(&at).rgb;
-        appearance.through = Vector::grey(appearance.coverage.complement());
+    let mut appearance = appearance(material, &closure, &LobeGeometry { ng, wo, front });
+    let (mut emission, mut ambient) = (closure.emission, closure.ambient);
+    if material.source().unlit {
+        emission = closure.base_color;
+        appearance.through = Vector::grey(closure.opacity.complement());
         appearance.albedo = emission;
-        appearance.ambient = black;
+        ambient = Vector::grey(zero);
     }
     Surface {
         position: Vector::load(token, &points.position, lane),
         error: F::load(token, &points.error, lane),
         front,
         emission,
-        coverage: appearance.coverage,
+        coverage: closure.opacity,
         through: appearance.through,
         bsdf: appearance.bsdf,
         albedo: appearance.albedo,
-        ambient: appearance.ambient,
+        ambient,
         absorption: Vector::constant(token, material.absorption()).only(!front),
     }
 }

@@ -12,8 +12,8 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::lanes::{Floats, Vectors, WIDTH};
 use heliostat_shading::{
-    Cone, HitPacket, HitSorter, Illumination, Lobes, Points, Sampler, Scattered as ScatteredPacket, Scattering,
-    Selection, Surfaces,
+    Arrival, Cone, HitPacket, HitSorter, Illumination, Lobes, Sampler, Scattered as ScatteredPacket,
+    Scattering, Selection, ShadeScratch, Surfaces,
 };
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
@@ -59,6 +59,10 @@ impl WeightedRay {
     fn scattered(&self, hit: &Hit) -> Scattered {
         let distance = self.passed_distance + hit.t;
         Scattered { ray: self.ray, pdf: self.scatter_pdf, distance }
+    }
+
+    fn arrival<'a>(&'a self, hit: &'a Hit) -> Arrival<'a> {
+        Arrival { hit, ray: &self.ray, cone: self.cone, level: self.edges + 1 }
     }
 
     /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
@@ -108,7 +112,7 @@ struct Tracer<'a, Q: ?Sized> {
 #[derive(Debug, Default)]
 struct Shader {
     sorter: HitSorter,
-    points: Points,
+    scratch: ShadeScratch,
     surfaces: Surfaces,
     light: Illumination,
     values: Scattering,
@@ -164,9 +168,9 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
         }
         let mut shader = std::mem::take(&mut self.shader);
         shader.sorter.sort(scene, hits);
-        let Shader { sorter, points, surfaces, light, values, samples, origins } = &mut *shader;
+        let Shader { sorter, scratch, surfaces, light, values, samples, origins } = &mut *shader;
         for packet in sorter.packets() {
-            scene.shade(&packet, |i| (&hits[i], &rays[i].ray, rays[i].cone), points, surfaces);
+            scene.shade(&packet, |i| rays[i].arrival(&hits[i]), scratch, surfaces);
             let arrived = self.arrive(&packet, &rays, hits, surfaces, sums, first_sample);
             if arrived.count > 0 {
                 self.sample_lights(&arrived, surfaces, light, values, origins);

@@ -6,7 +6,7 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::{Cone, HitSorter, Points, Sampler, Selection, Surface, Surfaces};
+use heliostat_shading::{Arrival, Cone, HitSorter, Sampler, Selection, ShadeScratch, Surface, Surfaces};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
@@ -59,7 +59,7 @@ struct Tracer<'a, Q: ?Sized> {
 #[derive(Debug, Default)]
 struct Shader {
     sorter: HitSorter,
-    points: Points,
+    scratch: ShadeScratch,
     surfaces: Surfaces,
 }
 
@@ -105,8 +105,8 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
         let mut shader = std::mem::take(&mut self.shader);
         shader.sorter.sort(scene, hits);
         for packet in shader.sorter.packets() {
-            let along = |i: usize| (&hits[i], &paths[i].ray, paths[i].cone);
-            scene.shade(&packet, along, &mut shader.points, &mut shader.surfaces);
+            let along = |i: usize| paths[i].arrival(&hits[i]);
+            scene.shade(&packet, along, &mut shader.scratch, &mut shader.surfaces);
             for (lane, &index) in packet.hits.iter().enumerate() {
                 let (path, hit) = (paths[index as usize], &hits[index as usize]);
                 let sum = &mut sums[path.pixel as usize];
@@ -123,6 +123,10 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
 }
 
 impl Path {
+    fn arrival<'a>(&'a self, hit: &'a Hit) -> Arrival<'a> {
+        Arrival { hit, ray: &self.ray, cone: self.cone, level: self.edges + 1 }
+    }
+
     fn scattered(&self, hit: &Hit) -> Scattered {
         let distance = self.passed_distance + hit.t;
         Scattered { ray: self.ray, pdf: self.scatter_pdf, distance }
@@ -174,9 +178,12 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         let scene = self.view.scene;
         let [u_choice, u_triangle, u, v] = path.sampler.set(2 * path.edges);
         let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
-        let Some(light) =
-            scene.sample_light(emitter, (surface.position.into(), path.ray.time), Vec2::new(u, v), u_triangle)
-        else {
+        let Some(light) = scene.sample_light(
+            emitter,
+            (surface.position.into(), path.ray.time),
+            Vec2::new(u, v),
+            u_triangle,
+        ) else {
             return;
         };
         let scattered = surface.bsdf.evaluate(light.wi.into(), Selection::ALL);
@@ -188,7 +195,8 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
             if light.pdf == 0.0 { 1.0 } else { power_heuristic(probability * light.pdf, scattered.pdf) };
         let radiance = path.throughput * f_cos * light.weight * (weight / probability);
         let pending = PendingLight { pixel: path.pixel, radiance };
-        let shadow = Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi.into()).into(), light.wi) };
+        let shadow =
+            Ray { t_max: light.distance, ..Ray::new(surface.spawn(light.wi.into()).into(), light.wi) };
         self.shadows.push(shadow.at_time(path.ray.time), pending);
     }
 }

@@ -71,9 +71,9 @@ impl Region {
     pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
         let blocks = |edge: u32, x0: u32, y0: u32, width: u32, height: u32| {
             (0..height).step_by(edge as usize).flat_map(move |y| {
-                (0..width).step_by(edge as usize).map(move |x| {
-                    (x0 + x, y0 + y, edge.min(width - x), edge.min(height - y))
-                })
+                (0..width)
+                    .step_by(edge as usize)
+                    .map(move |x| (x0 + x, y0 + y, edge.min(width - x), edge.min(height - y)))
             })
         };
         blocks(Self::TILE, self.x, self.y, self.width, self.height)

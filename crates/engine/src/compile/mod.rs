@@ -19,7 +19,7 @@ use heliostat_scene::{
     Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
     Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
 };
-use heliostat_shading::{EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShadingScene};
+use heliostat_shading::{EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene};
 use rayon::prelude::*;
 
 use self::changes::{Cause, Changes};
@@ -57,6 +57,7 @@ impl Default for BuiltObject {
 pub(crate) struct Compiled {
     accelerator: Accelerator,
     lanes: LaneMode,
+    shaders: Arc<ShaderRegistry>,
     objects: BTreeMap<ObjectId, BuiltObject>,
     world: World,
     /// The instances that the world holds, in its order.
@@ -94,10 +95,11 @@ struct Staged {
 
 impl Compiled {
     /// Nothing yet.
-    pub(crate) fn new(options: &EngineOptions) -> Self {
+    pub(crate) fn new(options: &EngineOptions, shaders: Arc<ShaderRegistry>) -> Self {
         Self {
             accelerator: options.accelerator,
             lanes: options.lanes,
+            shaders,
             objects: BTreeMap::new(),
             world: World::empty(),
             placed: Vec::new(),

@@ -70,7 +70,7 @@ impl Compiled {
     fn compile_materials(&mut self, scene: &Scene, materials: MaterialOverride) -> Vec<SurfaceMaterial> {
         let compile = |(&id, material)| {
             let material = SurfaceMaterial::overridden(material, materials);
-            SurfaceMaterial::new(id, &material, &self.textures, &mut self.interfaces)
+            SurfaceMaterial::new(id, &material, &self.textures, &mut self.interfaces, &self.shaders)
         };
         scene.materials().iter().map(compile).collect()
     }
@@ -120,7 +120,10 @@ impl Compiled {
             .filter_map(|id| Some((self.materials.binary_search(id).ok()?, scene.materials().get(id)?)))
             .map(|(index, material)| {
                 let id = self.materials[index];
-                (index, SurfaceMaterial::new(id, material, &self.textures, &mut self.interfaces))
+                let shaders = &self.shaders;
+                let material =
+                    SurfaceMaterial::new(id, material, &self.textures, &mut self.interfaces, shaders);
+                (index, material)
             })
             .collect();
         let shines = |material: &SurfaceMaterial| material.source().is_emissive();

@@ -41,11 +41,7 @@ impl<F: Real> Vector<F> {
     /// Loads lanes from `lane` on.
     #[inline(always)]
     pub fn load(token: F::Token, from: &Vectors, lane: usize) -> Self {
-        Self::new(
-            F::load(token, &from.x, lane),
-            F::load(token, &from.y, lane),
-            F::load(token, &from.z, lane),
-        )
+        Self::new(F::load(token, &from.x, lane), F::load(token, &from.y, lane), F::load(token, &from.z, lane))
     }
 
     /// Stores lanes from `lane` on.

@@ -1,0 +1,55 @@
+//! A three-dimensional checkerboard, box-filtered over the footprint.
+
+use crate::bsdf::Lobes;
+use crate::closure::Closure;
+use crate::lanes::{Real, Vector};
+use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
+
+const FIRST: usize = 0;
+const SECOND: usize = 1;
+const SIZE: usize = 2;
+
+/// Cubes of two colours in object space.
+#[derive(Debug)]
+pub(super) struct Checker;
+
+impl SurfaceShader for Checker {
+    fn info(&self) -> ShaderInfo {
+        ShaderInfo {
+            name: "checker".into(),
+            about: "cubes of two colours in object space, like a board carved from a block".into(),
+            parameters: vec![
+                Parameter::color("first", [0.8, 0.8, 0.8], "colour of the cubes around the origin"),
+                Parameter::color("second", [0.1, 0.1, 0.1], "colour of their neighbours"),
+                Parameter::float("size", 0.25, [1e-6, 1e6], "m", "edge of a cube, object space"),
+            ],
+            lobes: Lobes::NONE,
+            see_through: false,
+        }
+    }
+
+    #[inline(always)]
+    fn shade<F: Real>(&self, at: &Point<F>, inputs: &Inputs<'_, F>, closure: &mut Closure<F>) {
+        let per_cell = inputs.float(SIZE).recip();
+        // A little inside, so that faces on a border between cubes do not flicker between them.
+        let p = at.object_position * per_cell + Vector::grey(inputs.constant(1e-3));
+        let width = at.width * per_cell * at.object_axes[0].length();
+        // The mean of the sign over the footprint is the product of the means along the axes.
+        let sign = wave(p.x, width) * wave(p.y, width) * wave(p.z, width);
+        closure.base_color = inputs.vector(SECOND).mix(inputs.vector(FIRST), sign * 0.5 + 0.5);
+    }
+}
+
+/// The square wave of period 2 that is 1 on [0, 1) and −1 on [1, 2), averaged over `width` around `x`.
+#[inline(always)]
+fn wave<F: Real>(x: F, width: F) -> F {
+    let width = width.max(width.splat(1e-4));
+    (integral(x + width * 0.5) - integral(x - width * 0.5)) / width
+}
+
+/// Its integral from 0: a triangle wave between 0 and 1.
+#[inline(always)]
+fn integral<F: Real>(x: F) -> F {
+    let t = x * 0.5 - (x * 0.5).floor();
+    (t * 2.0 - 1.0).abs().complement()
+}
