@@ -33,7 +33,7 @@ pub struct Lights {
 }
 
 #[derive(Clone, Debug)]
-enum Emitter {
+pub(crate) enum Emitter {
     Light(LightKind),
     Area(AreaEmitter),
     Environment,
@@ -41,10 +41,10 @@ enum Emitter {
 
 /// One emissive part of a placement; triangles, spheres and cones are chosen in proportion to area times mean emission.
 #[derive(Clone, Debug)]
-struct AreaEmitter {
-    placement: u32,
-    part: u32,
-    triangles: Arc<Discrete>,
+pub(crate) struct AreaEmitter {
+    pub(crate) placement: u32,
+    pub(crate) part: u32,
+    pub(crate) triangles: Arc<Discrete>,
 }
 
 /// Light arriving at a point from a sampled direction.
@@ -210,6 +210,14 @@ impl Lights {
         }
     }
 
+    pub(crate) fn emitter(&self, index: usize) -> &Emitter {
+        &self.emitters[index]
+    }
+
+    pub(crate) fn environment_light(&self) -> &EnvironmentLight {
+        &self.environment
+    }
+
     /// Whether sampling the emitter takes random numbers: it has area, or is all around.
     pub fn is_extended(&self, emitter: usize) -> bool {
         !matches!(self.emitters[emitter], Emitter::Light(_))
@@ -309,7 +317,7 @@ fn power(kind: &LightKind, cross_section: f32) -> f32 {
 
 /// Light from a light without area at points, per lane: direction, distance and radiance over density.
 #[inline(always)]
-fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector<F>) {
+pub(crate) fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector<F>) {
     let token = at.token();
     let constant = |v: Vec3| Vector::<F>::constant(token, v);
     let (position, power, range) = match *kind {
@@ -344,6 +352,11 @@ fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector
     }
     let usable = factor.gt(zero) & factor.lt(zero.splat(f32::INFINITY)) & distance.gt(zero);
     (wi, distance * (1.0 - 1e-5), (constant(power) * factor).only(usable))
+}
+
+/// Radiance over density that arrives at a point from a light without area: see [`LightSample::weight`].
+pub(crate) fn constant_light(kind: &LightKind, at: Vec3) -> Vec3 {
+    from_light::<f32>(kind, at.into()).2.into()
 }
 
 /// The recommended fade of KHR_lights_punctual, without the inverse square.

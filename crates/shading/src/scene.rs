@@ -7,6 +7,7 @@ use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Light, SceneBounds};
 
 use crate::camera::Cone;
+use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
@@ -31,6 +32,7 @@ pub struct ShadingScene {
     lights: Lights,
     see_through: bool,
     mode: LaneMode,
+    bounds: Option<SceneBounds>,
 }
 
 /// The light that a hit surface is, for multiple importance sampling.
@@ -68,6 +70,7 @@ impl ShadingScene {
         environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
     ) {
+        self.bounds = bounds;
         self.lights = Lights::new(self.tables(), &self.emissive, lights, environment, bounds);
     }
 
@@ -225,5 +228,13 @@ impl ShadingScene {
         out: &mut Illumination,
     ) {
         self.lights.illuminate(self.tables(), emitter, surfaces, along, count, out);
+    }
+
+    /// Chooses an emitter and sends light from it: the source, and a ray that carries its flux on, if it sends any into the
+    /// scene. `u` are six sample points in [0, 1): the choice, three for the place, two for the direction.
+    pub fn emit(&self, u: [f32; 6]) -> Option<(Source, Option<EmittedRay>)> {
+        let [u_choice, rest @ ..] = u;
+        let (emitter, probability, _) = self.lights.choose(u_choice)?;
+        self.lights.emit(self.tables(), (emitter, probability), rest, self.bounds)
     }
 }

@@ -64,7 +64,7 @@ pub struct Surfaces {
     albedo: Vectors,
     ambient: Vectors,
     absorption: Vectors,
-    normal: Vectors,
+    pub(crate) normal: Vectors,
     coat_normal: Vectors,
     pub(crate) ng: Vectors,
     wo: Vectors,
@@ -130,6 +130,11 @@ impl Surfaces {
     /// See [`Surface::albedo`].
     pub fn albedo(&self, lane: usize) -> Vec3 {
         self.albedo.get(lane)
+    }
+
+    /// Reflectance of the diffuse lobe of a lane.
+    pub fn diffuse(&self, lane: usize) -> Vec3 {
+        self.diffuse.get(lane)
     }
 
     /// See [`Surface::emission`].

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod direct;
+mod eye;
 mod mis;
 mod path;
 mod region;

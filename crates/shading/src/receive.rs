@@ -1,0 +1,118 @@
+//! What the points of a packet make of light from a source that they share.
+
+use fearless_simd::{Level, Simd};
+use glam::Vec3;
+use heliostat_scene::LightKind;
+
+use crate::bsdf::{Lobes, Selection};
+use crate::emission::Source;
+use crate::lanes::{Packet, Real, Vector, Vectors};
+use crate::light::from_light;
+use crate::packet::on_lanes;
+use crate::surface::{LaneMode, Surfaces};
+
+/// Light from one source at the points of a packet, as if nothing stood between.
+#[derive(Clone, Debug, Default)]
+pub struct Received {
+    /// Irradiance over π: what a white diffuse surface would radiate. The shading cosine is in it.
+    pub irradiance: Vectors,
+    /// Radiance that the other selected lobes reflect towards the viewer.
+    pub gloss: Vectors,
+    /// Unit vectors towards the light.
+    pub wi: Vectors,
+    /// From the start of the source's shadow rays to the point, moved off its surface.
+    pub way: Vectors,
+}
+
+/// How light from a source is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taking {
+    /// Largest geometric term cos · cos / distance², 1/m²; what is more is cut off.
+    pub bound: f32,
+    /// The lobes besides the diffuse one.
+    pub gloss: Selection,
+}
+
+impl Source {
+    /// Where shadow rays to points start; `None` if the light comes from infinitely far away.
+    pub fn origin(&self) -> Option<Vec3> {
+        match *self {
+            Self::Patch { position, error, normal, .. } => Some(position + normal * error),
+            Self::Light { kind, .. } => match kind {
+                LightKind::Point { position, .. }
+                | LightKind::Spot { position, .. }
+                | LightKind::ConstantPoint { position, .. } => Some(position),
+                LightKind::Directional { .. } => None,
+            },
+            Self::Distant { .. } => None,
+        }
+    }
+}
+
+impl Surfaces {
+    /// Light from a source at the first `count` lanes.
+    pub fn receive(&self, source: &Source, taking: &Taking, count: usize, out: &mut Received) {
+        on_lanes!(self.mode, count, |token, lane| receive::<_>(token, lane, self, source, taking, out));
+    }
+}
+
+#[inline(always)]
+fn receive<F: Real>(
+    token: F::Token,
+    lane: usize,
+    surfaces: &Surfaces,
+    source: &Source,
+    taking: &Taking,
+    out: &mut Received,
+) {
+    let x = Vector::<F>::load(token, &surfaces.position, lane);
+    let ng = Vector::<F>::load(token, &surfaces.ng, lane);
+    let normal = Vector::<F>::load(token, &surfaces.normal, lane);
+    let (wi, arriving) = arriving(token, source, x);
+    let zero = F::constant(token, 0.0);
+    let cos_ng = ng.dot(wi);
+    let cos = normal.dot(wi).positive().only(cos_ng.gt(zero));
+    // The geometric term is bounded as a whole: the share that is kept counts for every lobe. Only patches stand for an
+    // area that could be near; other lights have no bound.
+    let mut radiance = arriving.0 * arriving.1;
+    if let Source::Patch { .. } = source {
+        let kept = F::constant(token, taking.bound) / (cos * arriving.1);
+        radiance = radiance * kept.min(F::constant(token, 1.0));
+    }
+    (radiance * (cos * std::f32::consts::FRAC_1_PI)).store(&mut out.irradiance, lane);
+    let rest = taking.gloss.among(Lobes::ALL.without(Lobes::DIFFUSE));
+    let gloss = match surfaces.may_have(rest) {
+        true => surfaces.bsdf::<F>(token, lane).evaluate(wi, rest).f_cos * radiance,
+        false => Vector::grey(zero),
+    };
+    gloss.store(&mut out.gloss, lane);
+    wi.store(&mut out.wi, lane);
+    if let Some(origin) = source.origin() {
+        let offset = F::load(token, &surfaces.error, lane).copysign(cos_ng);
+        (x + ng * offset - Vector::constant(token, origin)).store(&mut out.way, lane);
+    }
+}
+
+/// Direction towards the light, what it sends (radiance times area, or irradiance), and what of that arrives on a surface
+/// that faces it.
+#[inline(always)]
+fn arriving<F: Real>(token: F::Token, source: &Source, x: Vector<F>) -> (Vector<F>, (Vector<F>, F)) {
+    let one = F::constant(token, 1.0);
+    match *source {
+        Source::Patch { position, normal, radiance, .. } => {
+            let to_light = Vector::constant(token, position) - x;
+            let distance2 = to_light.length_squared();
+            let wi = to_light.normalized_or(Vector::grey(F::constant(token, 0.0)));
+            let cos = -Vector::constant(token, normal).dot(wi);
+            let facing = cos.positive() / distance2.max(F::constant(token, f32::MIN_POSITIVE));
+            (wi, (Vector::constant(token, radiance), facing))
+        }
+        Source::Light { ref kind, factor } => {
+            let (wi, _, weight) = from_light::<F>(kind, x);
+            (wi, (weight, one * factor))
+        }
+        Source::Distant { wi, irradiance } => {
+            (Vector::constant(token, wi), (Vector::constant(token, irradiance), one))
+        }
+    }
+}

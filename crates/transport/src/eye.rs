@@ -1,0 +1,335 @@
+//! Rays from the camera through mirrors and glass to the surfaces that are lit: what `direct` and `igi` share.
+//!
+//! Every ray carries its pixel and weight, so there is no recursion: a surface adds what it emits, is handed over to be
+//! lit, and sends on at most one reflected, one refracted and one straight-on ray.
+//!
+//! # References
+//! Whitted, "An Improved Illumination Model for Shaded Display", 1980. Cook, Porter, Carpenter, "Distributed Ray
+//! Tracing", 1984. Hall, Greenberg, "A Testbed for Realistic Image Synthesis", 1983 (adaptive depth).
+
+use glam::Vec3;
+use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_shading::lanes::{Floats, Vectors, WIDTH};
+use heliostat_shading::{
+    Arrival, Cone, HitPacket, HitSorter, Lobes, Sampler, Scattered as ScatteredPacket, Selection,
+    ShadeScratch, Surfaces,
+};
+
+use crate::mis::{Scattered, Visits, emission_weight, environment};
+use crate::region::{CameraSample, PixelSum, Settings, View, Walk};
+use crate::shadow::MAX_PASSED;
+
+/// Edges when the request does not say.
+const DEFAULT_MAX_EDGES: u32 = 12;
+/// Rays of less weight are dropped.
+const LEAST_WEIGHT: f32 = 1.0 / 512.0;
+/// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
+const MIRROR_ALPHA: f32 = 0.25;
+/// The lobes that do.
+pub(crate) const MIRRORS: Selection = Selection::up_to(MIRROR_ALPHA);
+/// The lobes that are lit by sampled lights alone.
+pub(crate) const DULL: Selection = Selection::above(MIRROR_ALPHA);
+/// Mirrors send a ray to either side.
+pub(crate) const SIDES: [Lobes; 2] = [Lobes::REFLECTING, Lobes::TRANSMITTING];
+/// Rays of one pixel in flight; further ones are dropped, so that memory stays bounded.
+const MAX_RAYS_PER_PIXEL: u16 = 256;
+
+/// A ray with its place in the tree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WeightedRay {
+    pub(crate) pixel: u32,
+    sampler: Sampler,
+    pub(crate) ray: Ray,
+    cone: Cone,
+    pub(crate) weight: Vec3,
+    /// Edges from the camera to the ray's end.
+    pub(crate) edges: u32,
+    /// Density with which a lobe chose the direction; 0 if no light sample could have.
+    scatter_pdf: f32,
+    passed_distance: f32,
+    /// Surfaces passed straight through.
+    passed: u32,
+    /// Whether a surface was seen: the auxiliary planes show the first.
+    seen: bool,
+    /// Which branch of the tree this is: decorrelates the random numbers of siblings.
+    branch: u32,
+}
+
+impl WeightedRay {
+    fn scattered(&self, hit: &Hit) -> Scattered {
+        let distance = self.passed_distance + hit.t;
+        Scattered { ray: self.ray, pdf: self.scatter_pdf, distance }
+    }
+
+    fn arrival<'a>(&'a self, hit: &'a Hit) -> Arrival<'a> {
+        Arrival { hit, ray: &self.ray, cone: self.cone, level: self.edges + 1 }
+    }
+
+    /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
+    pub(crate) fn points(&self, slot: u32) -> [f32; 4] {
+        match self.branch {
+            1 => self.sampler.set(1 + slot),
+            // Far from the sets of the trunk; where deep branches wrap round they merely share points.
+            branch => self.sampler.set((branch << 12).wrapping_add(slot) | 1 << 31),
+        }
+    }
+}
+
+/// The rays of a packet at the surfaces they met, lane by lane. Rays of weight zero have nothing left to carry.
+pub(crate) struct Arrived {
+    pub(crate) rays: [WeightedRay; WIDTH],
+    pub(crate) count: usize,
+}
+
+/// How surfaces are lit.
+pub(crate) trait Lighting<Q: ?Sized> {
+    /// Whether it weighs light that it samples against light that rays of sharp lobes find.
+    const SHARES_MIRRORS: bool;
+
+    /// Number of groups of pixels; each is lit by itself.
+    fn groups(&self) -> usize;
+
+    /// The group of a pixel, by its index in the region.
+    fn group(&self, pixel: u32) -> usize;
+
+    /// Lights the surfaces of a packet, now or at the end of the group.
+    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]);
+
+    /// All packets of a group have been handed over.
+    fn finish(&mut self, view: &View<'_, Q>, group: usize, sums: &mut [PixelSum]);
+}
+
+/// The walk of camera rays.
+pub(crate) struct EyeWalk<'a, Q: ?Sized, L> {
+    view: &'a View<'a, Q>,
+    max_edges: u32,
+    ambient: Vec3,
+    pub(crate) lighting: L,
+    next: Vec<WeightedRay>,
+    /// Rays in `next`, by pixel.
+    in_flight: Vec<u16>,
+    shader: Box<Shader>,
+}
+
+/// Scratch space of shading.
+#[derive(Debug, Default)]
+struct Shader {
+    sorter: HitSorter,
+    scratch: ShadeScratch,
+    surfaces: Surfaces,
+    samples: ScatteredPacket,
+    origins: Vectors,
+    /// The rays of one group with their hits.
+    rays: Vec<WeightedRay>,
+    hits: Vec<Hit>,
+}
+
+impl<'a, Q: ?Sized, L> EyeWalk<'a, Q, L> {
+    /// A walk over `pixels` pixels.
+    pub(crate) fn new(view: &'a View<'a, Q>, settings: &Settings, pixels: usize, lighting: L) -> Self {
+        Self {
+            view,
+            max_edges: settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES),
+            ambient: settings.ambient,
+            lighting,
+            next: Vec::new(),
+            in_flight: vec![0; pixels],
+            shader: Box::default(),
+        }
+    }
+}
+
+impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
+    type Ray = WeightedRay;
+
+    fn start(sample: &CameraSample) -> WeightedRay {
+        WeightedRay {
+            pixel: sample.pixel,
+            sampler: sample.sampler,
+            ray: sample.ray,
+            cone: sample.cone,
+            weight: Vec3::ONE,
+            edges: 0,
+            scatter_pdf: 0.0,
+            passed_distance: 0.0,
+            passed: 0,
+            seen: false,
+            branch: 1,
+        }
+    }
+
+    fn ray(ray: &WeightedRay) -> Ray {
+        ray.ray
+    }
+
+    fn step(
+        &mut self,
+        mut rays: Vec<WeightedRay>,
+        hits: &[Hit],
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Vec<WeightedRay> {
+        let scene = self.view.scene;
+        self.in_flight.fill(0);
+        for (ray, hit) in rays.iter_mut().zip(hits) {
+            if hit.is_hit() {
+                ray.cone = ray.cone.advanced(hit.t);
+            } else {
+                let radiance = environment(scene, Visits::All, &ray.scattered(hit));
+                sums[ray.pixel as usize].add_radiance(ray.weight * radiance);
+            }
+        }
+        let mut shader = std::mem::take(&mut self.shader);
+        for group in 0..self.lighting.groups() {
+            if self.lighting.groups() == 1 {
+                self.shade(&mut shader, &rays, hits, sums, first_sample);
+            } else {
+                let (mut own, mut own_hits) =
+                    (std::mem::take(&mut shader.rays), std::mem::take(&mut shader.hits));
+                own.clear();
+                own_hits.clear();
+                for (ray, hit) in rays.iter().zip(hits) {
+                    if self.lighting.group(ray.pixel) == group {
+                        own.push(*ray);
+                        own_hits.push(*hit);
+                    }
+                }
+                self.shade(&mut shader, &own, &own_hits, sums, first_sample);
+                (shader.rays, shader.hits) = (own, own_hits);
+            }
+            self.lighting.finish(self.view, group, sums);
+        }
+        self.shader = shader;
+        std::mem::take(&mut self.next)
+    }
+}
+
+impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
+    /// Shades rays in packets, hands the packets over to be lit and sends on what mirrors.
+    fn shade(
+        &mut self,
+        shader: &mut Shader,
+        rays: &[WeightedRay],
+        hits: &[Hit],
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) {
+        let scene = self.view.scene;
+        shader.sorter.sort(scene, hits);
+        let Shader { sorter, scratch, surfaces, samples, origins, .. } = shader;
+        for packet in sorter.packets() {
+            scene.shade(&packet, |i| rays[i].arrival(&hits[i]), scratch, surfaces);
+            let arrived = self.arrive(&packet, rays, hits, surfaces, sums, first_sample);
+            if arrived.count > 0 {
+                self.lighting.packet(self.view, &arrived, surfaces, sums);
+                self.reflect(&arrived, surfaces, samples, origins);
+            }
+        }
+    }
+
+    /// What the surfaces of a packet add by themselves, and the rays whose light they scatter: of weight zero where
+    /// nothing is left to follow.
+    fn arrive(
+        &mut self,
+        packet: &HitPacket<'_>,
+        rays: &[WeightedRay],
+        hits: &[Hit],
+        surfaces: &Surfaces,
+        sums: &mut [PixelSum],
+        first_sample: bool,
+    ) -> Arrived {
+        let scene = self.view.scene;
+        let mut arrived = Arrived { rays: [rays[packet.hits[0] as usize]; WIDTH], count: 0 };
+        for (lane, &index) in packet.hits.iter().enumerate() {
+            let (ray, hit) = (&mut arrived.rays[lane], &hits[index as usize]);
+            *ray = rays[index as usize];
+            let sum = &mut sums[ray.pixel as usize];
+            let absorption = surfaces.absorption(lane);
+            if absorption != Vec3::ZERO {
+                ray.weight *= (-absorption * hit.t).exp();
+            }
+            let through = surfaces.through(lane);
+            if through != Vec3::ZERO {
+                let coverage = surfaces.coverage(lane);
+                self.send(WeightedRay {
+                    ray: Ray { origin: surfaces.origin(lane, ray.ray.direction), ..ray.ray },
+                    weight: ray.weight * through,
+                    passed_distance: ray.passed_distance + hit.t,
+                    passed: ray.passed + 1,
+                    seen: ray.seen || coverage > 0.0,
+                    ..*ray
+                });
+                ray.weight *= coverage;
+                if coverage == 0.0 {
+                    continue;
+                }
+            }
+            if !ray.seen {
+                sum.add_first_hit(scene, hit, surfaces, lane, ray.passed_distance + hit.t, first_sample);
+                ray.seen = true;
+            }
+            let emission = surfaces.emission(lane);
+            let mut radiance = surfaces.ambient(lane) + self.ambient * surfaces.albedo(lane);
+            if emission != Vec3::ZERO {
+                radiance += emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
+            }
+            sum.add_radiance(ray.weight * radiance);
+            ray.edges += 1;
+            if ray.edges >= self.max_edges {
+                ray.weight = Vec3::ZERO;
+            } else {
+                arrived.count = lane + 1;
+            }
+        }
+        if surfaces.lobes().is_empty() {
+            arrived.count = 0;
+        }
+        arrived
+    }
+
+    /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
+    fn reflect(
+        &mut self,
+        arrived: &Arrived,
+        surfaces: &Surfaces,
+        samples: &mut ScatteredPacket,
+        origins: &mut Vectors,
+    ) {
+        let Arrived { rays, count } = arrived;
+        for (side, lobes) in SIDES.into_iter().enumerate() {
+            let which = MIRRORS.among(lobes);
+            if !surfaces.may_have(which) {
+                continue;
+            }
+            let mut points = [Floats::ZERO; 3];
+            for (lane, ray) in rays[..*count].iter().enumerate() {
+                let [u, v, u_lobe, _] = ray.points(side as u32);
+                (points[0].0[lane], points[1].0[lane], points[2].0[lane]) = (u_lobe, u, v);
+            }
+            surfaces.sample(&points, which, *count, samples);
+            surfaces.spawn(&samples.wi, *count, origins);
+            for (lane, ray) in rays[..*count].iter().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
+                self.send(WeightedRay {
+                    ray: Ray::new(origins.get(lane), samples.wi.get(lane)).at_time(ray.ray.time),
+                    cone: Cone { spread: ray.cone.spread + 0.5 * samples.alpha.0[lane], ..ray.cone },
+                    weight: ray.weight * samples.weight.get(lane),
+                    scatter_pdf: if L::SHARES_MIRRORS { samples.pdf.0[lane] } else { 0.0 },
+                    passed_distance: 0.0,
+                    passed: 0,
+                    branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
+                    ..*ray
+                });
+            }
+        }
+    }
+
+    /// Sends a ray on unless it is too light to matter or its pixel has too many.
+    fn send(&mut self, ray: WeightedRay) {
+        let matters = ray.weight.is_finite() && ray.weight.max_element() >= LEAST_WEIGHT;
+        let in_flight = &mut self.in_flight[ray.pixel as usize];
+        if matters && ray.passed <= MAX_PASSED && *in_flight < MAX_RAYS_PER_PIXEL {
+            *in_flight += 1;
+            self.next.push(ray);
+        }
+    }
+}
