@@ -260,6 +260,25 @@ impl<F: Real> Bsdf<F> {
         total.gt(total.splat(0.0))
     }
 
+    /// Share of uniform white light that the selected reflecting lobes send towards the viewer, roughly: gloss without its
+    /// Fresnel term's rise.
+    #[inline(always)]
+    pub fn albedo_of(&self, which: Selection) -> Vector<F> {
+        let zero = self.choice[0].splat(0.0);
+        let (chances, _) = self.chances(which);
+        let diffuse = self.diffuse.only(chances[0].gt(zero));
+        let specular = self.specular.f0.only(chances[1].gt(zero));
+        let coat = self.coat.f0.only(chances[2].gt(zero));
+        let mut albedo = diffuse;
+        if self.has(1) {
+            albedo = albedo + specular;
+        }
+        if self.has(2) {
+            albedo = albedo + coat;
+        }
+        albedo.clamp(0.0, 1.0)
+    }
+
     /// Relative index of the far side of a solid's interface; 1 where there is none.
     #[inline(always)]
     pub fn transmitted_eta(&self) -> F {

@@ -67,6 +67,11 @@ impl CameraRays {
         self.camera.lens.map_or(0.0, |lens| lens.radius)
     }
 
+    /// Where the camera stands when the shutter opens, world space.
+    pub fn position(&self) -> Vec3 {
+        self.world_from_camera.translation.into()
+    }
+
     /// The ray through a point of the picture (pixels, from the top left corner); `u_lens` picks a point on the lens;
     /// `time` lies in [0, 1] of the shutter interval.
     pub fn ray(&self, pixel: Vec2, u_lens: Vec2, time: f32) -> CameraRay {

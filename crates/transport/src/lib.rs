@@ -8,11 +8,13 @@
 
 mod direct;
 mod eye;
+mod igi;
 mod mis;
 mod path;
 mod region;
 mod shadow;
 
+pub use igi::{Gathered, IgiFrame, IgiSettings};
 pub use region::{FirstHit, PixelSum, Region, Settings, View};
 
 use heliostat_kernel::RayQuery;

@@ -34,34 +34,39 @@ pub struct Settings {
     pub ambient: Vec3,
 }
 
-/// A rectangle of at most 32×32 pixels: large enough to fill shader packets, small enough for the caches.
+/// A rectangle of pixels: large enough to fill shader packets, small enough for the caches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     /// Left column.
     pub x: u32,
     /// Top row.
     pub y: u32,
-    /// Columns, at most 32.
+    /// Columns.
     pub width: u32,
-    /// Rows, at most 32.
+    /// Rows.
     pub height: u32,
 }
 
 impl Region {
-    /// Edge length of a full region.
+    /// Edge length of a full region, as most renderers take it.
     pub const SIZE: u32 = 32;
     /// Edge length of the part that one tile of camera rays covers.
     const TILE: u32 = 16;
 
     /// All regions of a picture, row by row.
     pub fn cover(width: u32, height: u32) -> impl Iterator<Item = Self> {
-        let starts = |extent: u32| (0..extent).step_by(Self::SIZE as usize);
-        starts(height).flat_map(move |y| {
-            starts(width).map(move |x| Self {
+        Self::cover_by(width, height, [Self::SIZE; 2])
+    }
+
+    /// All regions of a picture in steps of so many columns and rows.
+    pub(crate) fn cover_by(width: u32, height: u32, [columns, rows]: [u32; 2]) -> impl Iterator<Item = Self> {
+        let starts = |extent: u32, step: u32| (0..extent).step_by(step as usize);
+        starts(height, rows).flat_map(move |y| {
+            starts(width, columns).map(move |x| Self {
                 x,
                 y,
-                width: Self::SIZE.min(width - x),
-                height: Self::SIZE.min(height - y),
+                width: columns.min(width - x),
+                height: rows.min(height - y),
             })
         })
     }
@@ -236,19 +241,33 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
 ) -> u64 {
     let mut traced = 0;
     for sample in 0..settings.samples {
-        let (camera, mut hits) = camera_samples(view, settings, region, sample);
-        let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
-        while !current.is_empty() {
-            traced += current.len() as u64;
-            current = walk.step(current, &hits, sums, sample == 0);
-            let rays: Vec<Ray> = current.iter().map(W::ray).collect();
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            view.query.intersect(&rays, &mut hits);
-        }
+        traced += walk_sample(walk, view, settings, region, sample, sums);
         if !after_sample() {
             break;
         }
+    }
+    traced
+}
+
+/// Walks one sample of a region's pixels and returns the number of rays that were followed.
+pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
+    walk: &mut W,
+    view: &View<'_, Q>,
+    settings: &Settings,
+    region: &Region,
+    sample: u32,
+    sums: &mut [PixelSum],
+) -> u64 {
+    let mut traced = 0;
+    let (camera, mut hits) = camera_samples(view, settings, region, sample);
+    let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
+    while !current.is_empty() {
+        traced += current.len() as u64;
+        current = walk.step(current, &hits, sums, sample == 0);
+        let rays: Vec<Ray> = current.iter().map(W::ray).collect();
+        hits.clear();
+        hits.resize(rays.len(), Hit::MISS);
+        view.query.intersect(&rays, &mut hits);
     }
     traced
 }

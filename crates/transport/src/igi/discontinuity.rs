@@ -1,0 +1,80 @@
+//! The discontinuity buffer: each pixel takes the light of its neighbours' sets where they see the same surface.
+//!
+//! Irradiance is averaged before it is multiplied by the surface's colour, so that textures stay sharp. The window is
+//! exactly as large as the interleaving pattern: every set counts once. Where a neighbour lies on another surface, the
+//! pixel of the same set one pattern further on may stand in; only when neither does is the average over fewer sets.
+//!
+//! # References
+//! Keller, Heidrich, "Interleaved Sampling", 2001. Wald et al. 2002 (the discontinuity buffer); the stand-ins are ours.
+
+use glam::Vec3;
+
+use super::Gathered;
+
+/// Normals may differ by this much: cosine.
+const LEAST_COSINE: f32 = 0.9;
+/// A neighbour may lie off the tangent plane by this share of its distance from the camera.
+const PLANE_DISTANCE: f32 = 0.01;
+
+/// Filters rows of a picture.
+pub(super) struct Window<'a> {
+    /// Row by row.
+    pub(super) pixels: &'a [Gathered],
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Of the interleaving pattern.
+    pub(super) pattern: [u32; 2],
+    /// Where the picture is taken from.
+    pub(super) eye: Vec3,
+}
+
+impl Window<'_> {
+    /// Light that the surface at a pixel reflects, averaged over the window.
+    pub(super) fn reflected(&self, x: u32, y: u32) -> Vec3 {
+        let [n, m] = self.pattern.map(|p| p as i32);
+        let center = &self.pixels[(y * self.width + x) as usize];
+        if center.strength == 0.0 {
+            return Vec3::ZERO;
+        }
+        let scale = PLANE_DISTANCE * center.position.distance(self.eye);
+        let (mut irradiance, mut gloss, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for dy in -(m / 2)..m - m / 2 {
+            for dx in -(n / 2)..n - n / 2 {
+                // The same set lies one pattern further on, on the other side.
+                let (other_x, other_y) = (dx - n * sign(dx), dy - m * sign(dy));
+                let stand_ins = [(dx, dy), (other_x, dy), (dx, other_y), (other_x, other_y)];
+                let tap = stand_ins.into_iter().find_map(|(dx, dy)| {
+                    let tap = self.at(x as i32 + dx, y as i32 + dy)?;
+                    is_alike(center, tap, scale).then_some(tap)
+                });
+                if let Some(tap) = tap {
+                    irradiance += quotient(tap.reflected, tap.albedo);
+                    gloss += tap.gloss;
+                    count += 1.0;
+                }
+            }
+        }
+        // The pixel itself always counts.
+        (center.albedo * irradiance + gloss) / count
+    }
+
+    fn at(&self, x: i32, y: i32) -> Option<&Gathered> {
+        let inside = (0..self.width as i32).contains(&x) && (0..self.height as i32).contains(&y);
+        inside.then(|| &self.pixels[y as usize * self.width as usize + x as usize])
+    }
+}
+
+/// Which way a step goes; none for no step.
+fn sign(step: i32) -> i32 {
+    step.signum()
+}
+
+fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
+    let off = (b.position - a.position).dot(a.normal).abs().max((b.position - a.position).dot(b.normal).abs());
+    b.strength > 0.0 && a.normal.dot(b.normal) > LEAST_COSINE && off < scale
+}
+
+/// Channel by channel; zero where there is nothing to divide by.
+fn quotient(a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::select(b.cmpgt(Vec3::splat(1e-6)), a / b, Vec3::ZERO)
+}

@@ -1,0 +1,214 @@
+//! Lighting of whole tiles of points by the virtual point lights of their set.
+
+use glam::Vec3;
+use heliostat_kernel::{Ray, RayQuery, Tile};
+use heliostat_shading::color::luminance;
+use heliostat_shading::lanes::WIDTH;
+use heliostat_shading::{Received, Surfaces, Taking};
+
+use super::Gathered;
+use super::vpl::{Vpl, VplSets};
+use crate::eye::{Arrived, DULL, Lighting};
+use crate::region::{PixelSum, View};
+use crate::shadow::{PendingLight, ShadowBatch};
+
+/// Shadow rays end this share of the way before the point: it lies on a surface.
+const REACH: f32 = 1.0 - 1e-4;
+
+/// Points that wait for the end of their group.
+#[derive(Debug, Default)]
+struct Block {
+    surfaces: Surfaces,
+    count: usize,
+    pixels: [u32; WIDTH],
+    /// What the eye sees of the point; zero for lanes without one.
+    weights: [Vec3; WIDTH],
+    edges: [u32; WIDTH],
+    irradiance: [Vec3; WIDTH],
+    gloss: [Vec3; WIDTH],
+}
+
+/// A lane of a block with the light that it receives unless something stands in the way.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    block: u32,
+    lane: u32,
+    irradiance: Vec3,
+    gloss: Vec3,
+}
+
+/// Lights groups of pixels, each by a set of virtual point lights.
+pub(super) struct ByVpls<'a> {
+    pub(super) vpls: Option<&'a VplSets>,
+    groups: &'a [u8],
+    group_count: usize,
+    /// Edges of whole paths.
+    max_edges: u32,
+    /// What the pixels of the region have received in this pass.
+    pub(super) gathered: Vec<Gathered>,
+    pub(super) traced: u64,
+    blocks: Vec<Block>,
+    used: usize,
+    received: Received,
+    tile: Tile,
+    pending: Vec<Pending>,
+    occluded: Vec<bool>,
+    rays: Vec<Ray>,
+    shadows: ShadowBatch,
+}
+
+impl<'a> ByVpls<'a> {
+    /// `groups` says which set lights each pixel.
+    pub(super) fn new(groups: &'a [u8], group_count: usize, max_edges: u32) -> Self {
+        Self {
+            vpls: None,
+            groups,
+            group_count,
+            max_edges,
+            gathered: vec![Gathered::default(); groups.len()],
+            traced: 0,
+            blocks: Vec::new(),
+            used: 0,
+            received: Received::default(),
+            tile: Tile::new(Vec3::ZERO),
+            pending: Vec::new(),
+            occluded: Vec::new(),
+            rays: Vec::new(),
+            shadows: ShadowBatch::default(),
+        }
+    }
+
+    /// Light from one source for the blocks from `start` to `end`, which have at most a tile's worth of lanes.
+    fn light<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, vpl: &Vpl, (start, end): (usize, usize)) {
+        let origin = vpl.source.origin();
+        self.tile.restart(origin.unwrap_or_default());
+        self.pending.clear();
+        self.rays.clear();
+        let taking = Taking { bound: vpl.bound, gloss: DULL };
+        for index in start..end {
+            let block = &self.blocks[index];
+            block.surfaces.receive(&vpl.source, &taking, block.count, &mut self.received);
+            for lane in 0..block.count {
+                let irradiance = self.received.irradiance.get(lane);
+                let gloss = self.received.gloss.get(lane);
+                let lit = irradiance != Vec3::ZERO || gloss != Vec3::ZERO;
+                let short = block.edges[lane] + 1 + vpl.bounces <= self.max_edges;
+                if !lit || !short || block.weights[lane] == Vec3::ZERO {
+                    continue;
+                }
+                let way = self.received.way.get(lane);
+                match origin {
+                    Some(_) => _ = self.tile.push(way, REACH),
+                    None => {
+                        let wi = self.received.wi.get(lane);
+                        self.rays.push(Ray::new(block.surfaces.origin(lane, wi), wi));
+                    }
+                }
+                self.pending.push(Pending { block: index as u32, lane: lane as u32, irradiance, gloss });
+            }
+        }
+        self.traced += self.pending.len() as u64;
+        self.ask(view, origin.is_some());
+    }
+
+    /// Traces the shadow rays of all pending lanes and adds what arrives.
+    fn ask<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
+        self.occluded.clear();
+        self.occluded.resize(self.pending.len(), false);
+        match from_origin {
+            true => view.query.occluded_tile(&self.tile, &mut self.occluded),
+            false => view.query.occluded(&self.rays, &mut self.occluded),
+        }
+        let see_through = view.scene.has_see_through();
+        for (i, pending) in self.pending.iter().enumerate() {
+            if !self.occluded[i] {
+                add(&mut self.blocks, pending, Vec3::ONE);
+            } else if see_through {
+                let ray = if from_origin { self.tile.ray(i) } else { Some(self.rays[i]) };
+                let Some(ray) = ray else { continue };
+                // Transmittance is measured along unit directions.
+                let length = ray.direction.length();
+                let unit = Ray { direction: ray.direction / length, t_max: ray.t_max * length, ..ray };
+                self.shadows.push(unit, PendingLight { pixel: i as u32, radiance: Vec3::ONE });
+            }
+        }
+        let (blocks, pending) = (&mut self.blocks, &self.pending);
+        self.shadows.trace(view.query, view.scene, |light| {
+            add(blocks, &pending[light.pixel as usize], light.radiance);
+        });
+    }
+
+    /// Hands the light of a block's lanes to their pixels.
+    fn deliver(&mut self, index: usize) {
+        let block = &self.blocks[index];
+        for lane in 0..block.count {
+            let weight = block.weights[lane];
+            if weight == Vec3::ZERO {
+                continue;
+            }
+            let surfaces = &block.surfaces;
+            let albedo = weight * surfaces.diffuse(lane);
+            let point = Gathered {
+                other: Vec3::ZERO,
+                reflected: albedo * block.irradiance[lane],
+                albedo,
+                gloss: weight * block.gloss[lane],
+                position: surfaces.position(lane),
+                normal: surfaces.normal(lane),
+                strength: luminance(weight * surfaces.albedo(lane)),
+            };
+            self.gathered[block.pixels[lane] as usize].meet(point);
+        }
+    }
+}
+
+fn add(blocks: &mut [Block], pending: &Pending, transmittance: Vec3) {
+    let block = &mut blocks[pending.block as usize];
+    let lane = pending.lane as usize;
+    block.irradiance[lane] += pending.irradiance * transmittance;
+    block.gloss[lane] += pending.gloss * transmittance;
+}
+
+impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
+    const SHARES_MIRRORS: bool = false;
+
+    fn groups(&self) -> usize {
+        self.group_count
+    }
+
+    fn group(&self, pixel: u32) -> usize {
+        usize::from(self.groups[pixel as usize])
+    }
+
+    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+        if !surfaces.may_have(DULL) {
+            return;
+        }
+        if self.used == self.blocks.len() {
+            self.blocks.push(Block::default());
+        }
+        let block = &mut self.blocks[self.used];
+        self.used += 1;
+        block.surfaces.clone_from(surfaces);
+        block.count = arrived.count;
+        for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
+            (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
+        }
+        (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
+    }
+
+    fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {
+        let Some(vpls) = self.vpls else { return };
+        const BLOCKS: usize = Tile::CAPACITY / WIDTH;
+        for start in (0..self.used).step_by(BLOCKS) {
+            let end = (start + BLOCKS).min(self.used);
+            for vpl in &vpls.sets[group] {
+                self.light(view, vpl, (start, end));
+            }
+        }
+        for index in 0..self.used {
+            self.deliver(index);
+        }
+        self.used = 0;
+    }
+}

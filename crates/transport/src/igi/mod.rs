@@ -1,0 +1,179 @@
+//! Instant Global Illumination: all light from a few hundred virtual point lights, anew in every frame.
+//!
+//! Light paths leave virtual point lights where they meet surfaces; every point that the camera sees is lit by one of
+//! several sets of them, by shadow rays from a common origin. Neighbouring pixels take different sets (interleaved
+//! sampling), and a filter that stops at edges (the discontinuity buffer) brings the sets together again.
+//!
+//! # References
+//! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002; Benthin, Wald,
+//! Slusallek, "A Scalable Approach to Interactive Global Illumination", 2003.
+
+mod discontinuity;
+mod gather;
+mod vpl;
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::Vec3;
+use heliostat_kernel::RayQuery;
+
+use crate::eye::EyeWalk;
+use crate::region::{PixelSum, Region, Settings, View, walk_sample};
+use discontinuity::Window;
+use gather::ByVpls;
+use vpl::{PathPlan, VplSets};
+
+/// Edges of whole paths when the request does not say.
+const DEFAULT_MAX_EDGES: u32 = 24;
+
+/// Parameters of Instant Global Illumination.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IgiSettings {
+    /// Light paths of each set.
+    pub paths: u32,
+    /// Columns and rows of the interleaving pattern: as many sets as it has pixels.
+    pub interleave: [u32; 2],
+    /// Whether neighbouring pixels share their light.
+    pub filter: bool,
+    /// A virtual point light adds at most this many times the typical irradiance of its set.
+    pub clamp: f32,
+}
+
+impl Default for IgiSettings {
+    /// 3×3 sets of 8 paths, filtered.
+    fn default() -> Self {
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0 }
+    }
+}
+
+/// What a pixel has received: the point that matters most to it, with its light apart from its colour, and all else.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gathered {
+    /// Radiance of points that matter less.
+    other: Vec3,
+    /// Light that the point's diffuse lobe reflects, its colour included.
+    reflected: Vec3,
+    /// The colour: what the pixel sees of the diffuse lobe.
+    albedo: Vec3,
+    /// Light that its other rough lobes reflect.
+    gloss: Vec3,
+    position: Vec3,
+    normal: Vec3,
+    /// How much the pixel sees of the point; 0 if there is none.
+    strength: f32,
+}
+
+impl Gathered {
+    /// Meets another point along the same ray: the one that matters more stays.
+    fn meet(&mut self, mut point: Self) {
+        if point.strength > self.strength {
+            std::mem::swap(self, &mut point);
+            self.other = point.other;
+        }
+        self.other += point.reflected + point.gloss;
+    }
+
+    /// Adds a pass; where the point lies is that of the first.
+    fn add(&mut self, pass: &Self) {
+        let Self { position, normal, strength, .. } = *if self.strength > 0.0 { &*self } else { pass };
+        *self = Self {
+            other: self.other + pass.other,
+            reflected: self.reflected + pass.reflected,
+            albedo: self.albedo + pass.albedo,
+            gloss: self.gloss + pass.gloss,
+            position,
+            normal,
+            strength,
+        };
+    }
+}
+
+/// A frame of Instant Global Illumination in the making.
+pub struct IgiFrame<'a, Q: ?Sized> {
+    view: &'a View<'a, Q>,
+    settings: &'a Settings,
+    igi: IgiSettings,
+    /// Virtual point lights by pass, made when the first region needs them.
+    vpls: Vec<OnceLock<VplSets>>,
+    vpl_rays: AtomicU64,
+}
+
+impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
+    /// Prepares a frame; virtual point lights are made when the first region asks for them.
+    pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings) -> Self {
+        let vpls = (0..settings.samples).map(|_| OnceLock::new()).collect();
+        Self { view, settings, igi, vpls, vpl_rays: AtomicU64::new(0) }
+    }
+
+    /// The regions of a picture: as many pixels of every set in each as fill a tile.
+    pub fn regions(&self, width: u32, height: u32) -> Vec<Region> {
+        let [n, m] = self.igi.interleave;
+        Region::cover_by(width, height, [16 * n, 16 * m]).collect()
+    }
+
+    /// Renders all passes of a region. Both outputs have one entry per pixel in the order of [`Region::pixels`]; the number
+    /// of rays is returned.
+    pub fn render(
+        &self,
+        region: &Region,
+        sums: &mut [PixelSum],
+        gathered: &mut [Gathered],
+        after_sample: &dyn Fn() -> bool,
+    ) -> u64 {
+        let [n, m] = self.igi.interleave;
+        let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
+        let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
+        let lighting = ByVpls::new(&groups, (n * m) as usize, max_edges);
+        let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
+        let mut traced = 0;
+        for pass in 0..self.settings.samples {
+            walk.lighting.vpls = Some(self.vpls(pass));
+            traced += walk_sample(&mut walk, self.view, self.settings, region, pass, sums);
+            for (total, pass) in gathered.iter_mut().zip(&mut walk.lighting.gathered) {
+                total.add(&std::mem::take(pass));
+            }
+            if !after_sample() {
+                break;
+            }
+        }
+        traced + walk.lighting.traced
+    }
+
+    /// Rays traced for virtual point lights so far.
+    pub fn vpl_rays(&self) -> u64 {
+        self.vpl_rays.load(Ordering::Relaxed)
+    }
+
+    fn vpls(&self, pass: u32) -> &VplSets {
+        self.vpls[pass as usize].get_or_init(|| {
+            let [n, m] = self.igi.interleave;
+            let plan = PathPlan {
+                sets: n * m,
+                paths: self.igi.paths,
+                pass,
+                seed: self.settings.seed,
+                max_bounces: self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES).saturating_sub(2),
+                clamp: self.igi.clamp,
+            };
+            let vpls = VplSets::new(self.view, &plan);
+            self.vpl_rays.fetch_add(vpls.rays, Ordering::Relaxed);
+            vpls
+        })
+    }
+
+    /// The light that a row of the picture has gathered, filtered if that was asked for: the sum over all passes.
+    /// `gathered` is the whole picture, row by row.
+    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32) -> Vec<Vec3> {
+        let window = Window {
+            pixels: gathered,
+            width,
+            height,
+            pattern: if self.igi.filter { self.igi.interleave } else { [1, 1] },
+            eye: self.view.camera.position(),
+        };
+        (0..width)
+            .map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y))
+            .collect()
+    }
+}
