@@ -11,8 +11,8 @@ use heliostat::engine::{self, Engine, EngineOptions};
 use heliostat::grouping::{GroupingOptions, group};
 use heliostat::lighting;
 use heliostat::scene::{
-    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, MaterialOverride,
-    Plane, RebuildKind, Scene,
+    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
+    MaterialOverride, Plane, RebuildKind, Scene,
 };
 use serde_json::{Value, json};
 
@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "640x360")]
     size: Size,
-    /// Samples per pixel [default: 64 for path, 16 for direct]
+    /// Samples per pixel [default: 64 for path, 16 for direct, 1 for igi]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
     #[command(flatten)]
@@ -71,6 +71,18 @@ pub(super) struct Arguments {
     /// Constant light on every surface, for the renderer `direct`
     #[arg(long, value_name = "R,G,B", value_parser = values::color, default_value = "0")]
     ambient: Vec3,
+    /// Light paths of each set of virtual point lights, for the renderer `igi`
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
+    paths: u32,
+    /// Columns and rows of the pattern in which pixels take different sets, for `igi`
+    #[arg(long, value_name = "NxM", default_value = "3x3")]
+    interleave: Size,
+    /// Leave each pixel of `igi` to its own set
+    #[arg(long)]
+    no_filter: bool,
+    /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
+    #[arg(long, value_name = "X", default_value_t = 2.0)]
+    clamp: f32,
     /// Show materials as they are, or all as diffuse
     #[arg(long, default_value = "as-is")]
     materials: Materials,
@@ -95,6 +107,8 @@ enum Renderer {
     Path,
     /// Classical recursive ray tracer: direct light, mirrors, glass
     Direct,
+    /// Instant Global Illumination: all light at once, by virtual point lights
+    Igi,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -148,6 +162,7 @@ impl Renderer {
         match self {
             Self::Path => "path",
             Self::Direct => "direct",
+            Self::Igi => "igi",
         }
     }
 
@@ -155,6 +170,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
+            Self::Igi => 1,
         }
     }
 }
@@ -296,6 +312,12 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
         materials: match arguments.materials {
             Materials::AsIs => MaterialOverride::None,
             Materials::Diffuse => MaterialOverride::Diffuse,
+        },
+        igi: IgiOptions {
+            paths: arguments.paths,
+            interleave: [arguments.interleave.width, arguments.interleave.height],
+            filter: !arguments.no_filter,
+            clamp: arguments.clamp,
         },
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)

@@ -1,23 +1,22 @@
 //! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
 
 use std::num::NonZeroUsize;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use heliostat_kernel::{Isa, RayQuery};
+use heliostat_kernel::{Isa, RayQuery, World};
 use heliostat_scene::{
-    ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, MaterialOverride,
-    Progress, Scene,
+    ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, IgiOptions,
+    MaterialOverride, Progress, Scene,
 };
 use heliostat_shading::{CameraRays, LaneMode, PixelFilter, ShaderRegistry};
-use heliostat_transport::{Integrator, PixelSum, Region, Settings, View};
+use heliostat_transport::{Gathered, IgiFrame, IgiSettings, Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::{Compiled, Refused};
 use crate::film::Film;
+use crate::queue::work_through;
 
-/// Stack of a rendering thread: instances may nest 64 deep, and each level keeps a tile's worth of rays.
-const STACK_BYTES: usize = 16 << 20;
 /// Most pixels of one picture.
 const MAX_PIXELS: u64 = 1 << 27;
 
@@ -128,10 +127,10 @@ impl Engine {
     }
 
     /// Renders all regions into a film; threads draw from one queue. Returns the number of rays.
-    fn render_regions(
+    fn render_frame(
         &self,
         request: &FrameRequest,
-        integrator: Integrator,
+        renderer: Renderer,
         film: &Film,
         progress: &Progress,
     ) -> Result<u64, BackendError> {
@@ -145,53 +144,102 @@ impl Engine {
             seed: request.seed,
             frame: request.frame,
             filter: PixelFilter::new(request.filter),
+            aligned: renderer == Renderer::Igi,
             ambient: request.ambient,
         };
-        let regions: Vec<Region> = Region::cover(request.width, request.height).collect();
-        progress.start(regions.len() as u64 * u64::from(request.samples));
-        let next = AtomicUsize::new(0);
+        let rays = match renderer {
+            Renderer::ByRegion(integrator) => {
+                self.render_regions(&view, &settings, integrator, film, progress)?
+            }
+            Renderer::Igi => self.render_igi(&view, &settings, &request.igi, film, progress)?,
+        };
+        if progress.is_cancelled() { Err(BackendError::Cancelled) } else { Ok(rays) }
+    }
+
+    fn render_regions(
+        &self,
+        view: &View<'_, World>,
+        settings: &Settings,
+        integrator: Integrator,
+        film: &Film,
+        progress: &Progress,
+    ) -> Result<u64, BackendError> {
+        let regions: Vec<Region> = film.regions().collect();
+        progress.start(regions.len() as u64 * u64::from(settings.samples));
         let rays = AtomicU64::new(0);
-        let after_sample = || {
-            progress.advance(1);
-            !progress.is_cancelled()
-        };
-        let work = || {
-            while !progress.is_cancelled() {
-                let Some(region) = regions.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
-                let mut sums = vec![PixelSum::default(); (region.width * region.height) as usize];
-                let traced = integrator.render(&view, &settings, region, &mut sums, &after_sample);
-                rays.fetch_add(traced, Ordering::Relaxed);
-                film.store(region, &sums);
-            }
-        };
-        std::thread::scope(|scope| {
-            let start = |i: usize| {
-                let builder = std::thread::Builder::new().name(format!("heliostat-render-{i}"));
-                builder.stack_size(STACK_BYTES).spawn_scoped(scope, work)
-            };
-            let mut result = Ok(());
-            let mut workers = Vec::new();
-            for i in 0..self.threads.get().min(regions.len()) {
-                match start(i) {
-                    Ok(worker) => workers.push(worker),
-                    Err(error) => {
-                        // Nobody waits for this picture any more: empty the queue.
-                        next.store(regions.len(), Ordering::Relaxed);
-                        result =
-                            Err(BackendError::Failed(format!("cannot start a rendering thread: {error}")));
-                        break;
-                    }
-                }
-            }
-            for worker in workers {
-                if worker.join().is_err() {
-                    result =
-                        Err(BackendError::Failed("a rendering thread panicked; please report this".into()));
-                }
-            }
-            result
+        let after_sample = || advance(progress);
+        work_through(self.threads, regions.len(), &|| progress.is_cancelled(), &|index| {
+            let region = &regions[index];
+            let mut sums = vec![PixelSum::default(); region.area()];
+            let traced = integrator.render(view, settings, region, &mut sums, &after_sample);
+            rays.fetch_add(traced, Ordering::Relaxed);
+            film.store(region, &sums);
         })?;
-        if progress.is_cancelled() { Err(BackendError::Cancelled) } else { Ok(rays.into_inner()) }
+        Ok(rays.into_inner())
+    }
+
+    /// Regions first, then, when all neighbours are there, the filter row by row.
+    fn render_igi(
+        &self,
+        view: &View<'_, World>,
+        settings: &Settings,
+        options: &IgiOptions,
+        film: &Film,
+        progress: &Progress,
+    ) -> Result<u64, BackendError> {
+        let igi = IgiSettings {
+            paths: options.paths,
+            interleave: options.interleave,
+            filter: options.filter,
+            clamp: options.clamp,
+        };
+        let frame = IgiFrame::new(view, settings, igi);
+        let size = film.size();
+        let regions = frame.regions(size.0, size.1);
+        progress.start(regions.len() as u64 * u64::from(settings.samples));
+        let rays = AtomicU64::new(0);
+        let after_sample = || advance(progress);
+        let picture = Mutex::new(vec![Gathered::default(); size.0 as usize * size.1 as usize]);
+        work_through(self.threads, regions.len(), &|| progress.is_cancelled(), &|index| {
+            let region = &regions[index];
+            let mut sums = vec![PixelSum::default(); region.area()];
+            let mut gathered = vec![Gathered::default(); region.area()];
+            let traced = frame.render(region, &mut sums, &mut gathered, &after_sample);
+            rays.fetch_add(traced, Ordering::Relaxed);
+            film.store(region, &sums);
+            let mut picture = picture.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            for ((x, y), pixel) in region.pixels().zip(gathered) {
+                picture[y as usize * size.0 as usize + x as usize] = pixel;
+            }
+        })?;
+        let picture = picture.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        work_through(self.threads, size.1 as usize, &|| progress.is_cancelled(), &|y| {
+            film.add_row(y as u32, &frame.row(&picture, size, y as u32));
+        })?;
+        Ok(rays.into_inner() + frame.vpl_rays())
+    }
+}
+
+/// Counts a sample of a region and says whether to go on.
+fn advance(progress: &Progress) -> bool {
+    progress.advance(1);
+    !progress.is_cancelled()
+}
+
+/// What makes a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Renderer {
+    /// Region by region, each by itself.
+    ByRegion(Integrator),
+    /// Instant Global Illumination.
+    Igi,
+}
+
+impl Renderer {
+    const NAMES: [&str; 3] = ["path", "direct", "igi"];
+
+    fn by_name(name: &str) -> Option<Self> {
+        if name == "igi" { Some(Self::Igi) } else { Integrator::by_name(name).map(Self::ByRegion) }
     }
 }
 
@@ -220,7 +268,7 @@ impl Backend for Engine {
 
     fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError> {
         let start = Instant::now();
-        let integrator = check(request)?;
+        let renderer = check(request)?;
         if self.compiled.has_finished() {
             self.apply(&[], progress)?;
         }
@@ -228,28 +276,19 @@ impl Backend for Engine {
             self.compiled.prepare_override(&self.scene, request.materials);
         }
         let film = Film::new(request);
-        let rays = self.render_regions(request, integrator, &film, progress)?;
+        let rays = self.render_frame(request, renderer, &film, progress)?;
         let mut frame = film.finish();
         frame.stats = FrameStats { milliseconds: start.elapsed().as_secs_f64() * 1e3, rays };
         Ok(frame)
     }
 
     fn renderers(&self) -> &[&'static str] {
-        const NAMES: [&str; Integrator::NAMES.len()] = {
-            let mut names = [""; Integrator::NAMES.len()];
-            let mut i = 0;
-            while i < names.len() {
-                names[i] = Integrator::NAMES[i].0;
-                i += 1;
-            }
-            names
-        };
-        &NAMES
+        &Renderer::NAMES
     }
 }
 
-/// What is wrong with a request, or the integrator it asks for.
-fn check(request: &FrameRequest) -> Result<Integrator, BackendError> {
+/// What is wrong with a request, or the renderer it asks for.
+fn check(request: &FrameRequest) -> Result<Renderer, BackendError> {
     let refuse = |reason: String| Err(BackendError::Request(reason));
     let pixels = u64::from(request.width) * u64::from(request.height);
     if pixels == 0 {
@@ -286,9 +325,12 @@ fn check(request: &FrameRequest) -> Result<Integrator, BackendError> {
     if let Some(problem) = request.camera.problem() {
         return refuse(format!("the camera: {problem}"));
     }
-    Integrator::by_name(&request.renderer).map_or_else(
+    if let Some(problem) = request.igi.problem() {
+        return refuse(format!("Instant Global Illumination: {problem}"));
+    }
+    Renderer::by_name(&request.renderer).map_or_else(
         || {
-            let known: Vec<_> = Integrator::NAMES.iter().map(|(name, _)| *name).collect();
+            let known = Renderer::NAMES;
             refuse(format!(
                 "there is no renderer `{}`; this backend has: {}",
                 request.renderer,

@@ -26,6 +26,27 @@ impl Film {
         }
     }
 
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        let frame = self.frame.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        (frame.width, frame.height)
+    }
+
+    /// All regions.
+    pub(crate) fn regions(&self) -> impl Iterator<Item = Region> {
+        let (width, height) = self.size();
+        Region::cover(width, height)
+    }
+
+    /// Adds light to a row: the sum over all samples.
+    pub(crate) fn add_row(&self, y: u32, row: &[Vec3]) {
+        let mut frame = self.frame.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let start = y as usize * frame.width as usize;
+        for (color, light) in frame.color[start..].iter_mut().zip(row) {
+            *color += *light * self.per_sample;
+        }
+    }
+
     /// Stores a finished region; `sums` are in the order of [`Region::pixels`].
     pub(crate) fn store(&self, region: &Region, sums: &[PixelSum]) {
         // A thread that panicked while it held the lock left whole pixels behind: go on with them.

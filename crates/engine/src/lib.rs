@@ -25,6 +25,7 @@
 mod compile;
 mod engine;
 mod film;
+mod queue;
 pub mod tone;
 
 pub use engine::{Accelerator, Engine, EngineOptions};

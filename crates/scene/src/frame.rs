@@ -32,6 +32,43 @@ pub struct FrameRequest {
     pub materials: MaterialOverride,
     /// Further planes of data to deliver.
     pub planes: Vec<Plane>,
+    /// Parameters of the renderer `igi`.
+    pub igi: IgiOptions,
+}
+
+/// Parameters of Instant Global Illumination.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IgiOptions {
+    /// Light paths of each set of virtual point lights, at least 1.
+    pub paths: u32,
+    /// Columns and rows of the interleaving pattern, 1 to 8 each: neighbouring pixels take as many different sets.
+    pub interleave: [u32; 2],
+    /// Whether neighbouring pixels share their light (the discontinuity buffer).
+    pub filter: bool,
+    /// A virtual point light adds at most this many times the typical irradiance of its set; infinity bounds nothing.
+    pub clamp: f32,
+}
+
+impl Default for IgiOptions {
+    /// 3×3 sets of 8 paths, filtered, bounded at twice the typical irradiance.
+    fn default() -> Self {
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0 }
+    }
+}
+
+impl IgiOptions {
+    /// What is out of range, if anything.
+    pub fn problem(&self) -> Option<String> {
+        if !(1..=1 << 16).contains(&self.paths) {
+            return Some(format!("{} light paths per set; give 1 to 65536", self.paths));
+        }
+        let [n, m] = self.interleave;
+        if !(1..=8).contains(&n) || !(1..=8).contains(&m) {
+            return Some(format!("a pattern of {n}×{m} sets; give 1 to 8 columns and rows"));
+        }
+        (self.clamp.is_nan() || self.clamp <= 0.0)
+            .then(|| format!("`clamp` is {}; give a positive number or infinity", self.clamp))
+    }
 }
 
 impl FrameRequest {
@@ -50,6 +87,7 @@ impl FrameRequest {
             ambient: Vec3::ZERO,
             materials: MaterialOverride::None,
             planes: Vec::new(),
+            igi: IgiOptions::default(),
         }
     }
 }

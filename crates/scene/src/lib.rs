@@ -47,7 +47,7 @@ pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, Reb
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection};
 pub use edit::{Edit, EditError, Target};
-pub use frame::{Filter, Frame, FrameRequest, FrameStats, MaterialOverride, Plane, PlaneData};
+pub use frame::{Filter, Frame, FrameRequest, FrameStats, IgiOptions, MaterialOverride, Plane, PlaneData};
 pub use geometry::{Geometry, Mesh};
 pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId, TextureId};
 pub use light::{Environment, EnvironmentMap, Light, LightKind};

@@ -30,6 +30,9 @@ pub struct Settings {
     pub frame: u32,
     /// Where samples lie around a pixel's centre.
     pub filter: PixelFilter,
+    /// Whether all pixels put a sample at the same place, the first at their centres: coherent rays, and steps along edges
+    /// rather than noise.
+    pub aligned: bool,
     /// Constant radiance that every surface reflects, times its albedo. For `direct` alone.
     pub ambient: Vec3,
 }
@@ -52,6 +55,11 @@ impl Region {
     pub const SIZE: u32 = 32;
     /// Edge length of the part that one tile of camera rays covers.
     const TILE: u32 = 16;
+
+    /// Number of pixels.
+    pub fn area(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
 
     /// All regions of a picture, row by row.
     pub fn cover(width: u32, height: u32) -> impl Iterator<Item = Self> {
@@ -159,6 +167,16 @@ impl PixelSum {
     }
 }
 
+/// The place of a sample for all pixels alike: the centre first, then evenly over the square.
+///
+/// # References
+/// Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018 (R2).
+fn aligned_point(sample: u32) -> Vec2 {
+    const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let at = STEP.map(|step| (0.5 + step * f64::from(sample)).fract() as f32);
+    Vec2::from_array(at).min(Vec2::splat(1.0 - f32::EPSILON))
+}
+
 /// One camera ray on its way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CameraSample {
@@ -176,11 +194,13 @@ fn camera_samples<Q: RayQuery + ?Sized>(
     region: &Region,
     sample: u32,
 ) -> (Vec<CameraSample>, Vec<Hit>) {
+    let u_aligned = aligned_point(sample);
     let samples: Vec<CameraSample> = (0..)
         .zip(region.pixels())
         .map(|(pixel, (x, y))| {
             let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
-            let (u_filter, u_lens) = points(sampler.set(0));
+            let (u_pixel, u_lens) = points(sampler.set(0));
+            let u_filter = if settings.aligned { u_aligned } else { u_pixel };
             let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
             let time = if view.moving { sampler.time() } else { 0.0 };
             let ray = view.camera.ray(at, u_lens, time);

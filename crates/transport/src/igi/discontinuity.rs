@@ -70,7 +70,8 @@ fn sign(step: i32) -> i32 {
 }
 
 fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
-    let off = (b.position - a.position).dot(a.normal).abs().max((b.position - a.position).dot(b.normal).abs());
+    let off =
+        (b.position - a.position).dot(a.normal).abs().max((b.position - a.position).dot(b.normal).abs());
     b.strength > 0.0 && a.normal.dot(b.normal) > LEAST_COSINE && off < scale
 }
 

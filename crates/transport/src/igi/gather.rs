@@ -1,7 +1,7 @@
 //! Lighting of whole tiles of points by the virtual point lights of their set.
 
 use glam::Vec3;
-use heliostat_kernel::{Ray, RayQuery, Tile};
+use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::WIDTH;
 use heliostat_shading::{Received, Surfaces, Taking};
@@ -54,6 +54,7 @@ pub(super) struct ByVpls<'a> {
     pending: Vec<Pending>,
     occluded: Vec<bool>,
     rays: Vec<Ray>,
+    hits: Vec<Hit>,
     shadows: ShadowBatch,
 }
 
@@ -74,6 +75,7 @@ impl<'a> ByVpls<'a> {
             pending: Vec::new(),
             occluded: Vec::new(),
             rays: Vec::new(),
+            hits: Vec::new(),
             shadows: ShadowBatch::default(),
         }
     }
@@ -113,23 +115,44 @@ impl<'a> ByVpls<'a> {
 
     /// Traces the shadow rays of all pending lanes and adds what arrives.
     fn ask<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
+        if view.scene.has_see_through() {
+            self.ask_through(view, from_origin);
+            return;
+        }
         self.occluded.clear();
         self.occluded.resize(self.pending.len(), false);
         match from_origin {
             true => view.query.occluded_tile(&self.tile, &mut self.occluded),
             false => view.query.occluded(&self.rays, &mut self.occluded),
         }
-        let see_through = view.scene.has_see_through();
-        for (i, pending) in self.pending.iter().enumerate() {
-            if !self.occluded[i] {
+        for (pending, _) in self.pending.iter().zip(&self.occluded).filter(|(_, occluded)| !**occluded) {
+            add(&mut self.blocks, pending, Vec3::ONE);
+        }
+    }
+
+    /// The same where surfaces may let light pass: what is hit first decides, and only the few rays that go on are followed
+    /// further.
+    fn ask_through<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
+        self.hits.clear();
+        self.hits.resize(self.pending.len(), Hit::MISS);
+        match from_origin {
+            true => view.query.intersect_tile(&self.tile, &mut self.hits),
+            false => view.query.intersect(&self.rays, &mut self.hits),
+        }
+        for (i, (pending, hit)) in self.pending.iter().zip(&self.hits).enumerate() {
+            if !hit.is_hit() {
                 add(&mut self.blocks, pending, Vec3::ONE);
-            } else if see_through {
-                let ray = if from_origin { self.tile.ray(i) } else { Some(self.rays[i]) };
-                let Some(ray) = ray else { continue };
-                // Transmittance is measured along unit directions.
-                let length = ray.direction.length();
-                let unit = Ray { direction: ray.direction / length, t_max: ray.t_max * length, ..ray };
-                self.shadows.push(unit, PendingLight { pixel: i as u32, radiance: Vec3::ONE });
+                continue;
+            }
+            let ray = if from_origin { self.tile.ray(i) } else { Some(self.rays[i]) };
+            let Some(ray) = ray else { continue };
+            // Shading asks for unit directions.
+            let length = ray.direction.length();
+            let unit = Ray { direction: ray.direction / length, t_max: ray.t_max * length, ..ray };
+            let unit_hit = Hit { t: hit.t * length, ..*hit };
+            if let Some((radiance, origin)) = view.scene.see_through(&unit_hit, &unit) {
+                let rest = Ray { origin, t_max: unit.t_max - unit_hit.t, ..unit };
+                self.shadows.push(rest, PendingLight { pixel: i as u32, radiance });
             }
         }
         let (blocks, pending) = (&mut self.blocks, &self.pending);

@@ -172,8 +172,6 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             pattern: if self.igi.filter { self.igi.interleave } else { [1, 1] },
             eye: self.view.camera.position(),
         };
-        (0..width)
-            .map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y))
-            .collect()
+        (0..width).map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y)).collect()
     }
 }

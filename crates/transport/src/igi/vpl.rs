@@ -93,14 +93,27 @@ impl VplSets {
         result
     }
 
-    fn start<Q: ?Sized>(&mut self, view: &View<'_, Q>, plan: &PathPlan, set: u32, index: u32) -> Option<Walker> {
+    fn start<Q: ?Sized>(
+        &mut self,
+        view: &View<'_, Q>,
+        plan: &PathPlan,
+        set: u32,
+        index: u32,
+    ) -> Option<Walker> {
         let [choice, triangle, u, v] = points(plan, index, 0);
         let [u_direction, v_direction, ..] = points(plan, index, 1);
         let (source, ray) = view.scene.emit([choice, triangle, u, v, u_direction, v_direction])?;
         let share = 1.0 / plan.paths as f32;
         self.sets[set as usize].push(Vpl { source: scaled(source, share), bounces: 0, bound: f32::INFINITY });
         let EmittedRay { origin, direction, flux } = ray.filter(|_| plan.max_bounces > 0)?;
-        Some(Walker { set, index, ray: Ray::new(origin, direction), flux: flux * share, bounces: 0, passed: 0 })
+        Some(Walker {
+            set,
+            index,
+            ray: Ray::new(origin, direction),
+            flux: flux * share,
+            bounces: 0,
+            passed: 0,
+        })
     }
 
     /// Leaves a virtual point light where a path arrived and sends the path on, if anything is left of it.
@@ -137,7 +150,11 @@ impl VplSets {
                 normal: surface.ng().into(),
                 radiance,
             };
-            self.sets[walker.set as usize].push(Vpl { source, bounces: walker.bounces, bound: f32::INFINITY });
+            self.sets[walker.set as usize].push(Vpl {
+                source,
+                bounces: walker.bounces,
+                bound: f32::INFINITY,
+            });
         }
         if walker.bounces >= plan.max_bounces.min(MAX_BOUNCES) {
             return None;
@@ -187,9 +204,7 @@ fn bound(set: &mut [Vpl], clamp: f32) {
     let patches: Vec<(Vec3, Vec3, f32)> = set
         .iter()
         .filter_map(|vpl| match vpl.source {
-            Source::Patch { position, normal, radiance, .. } => {
-                Some((position, normal, luminance(radiance)))
-            }
+            Source::Patch { position, normal, radiance, .. } => Some((position, normal, luminance(radiance))),
             _ => None,
         })
         .collect();
@@ -215,4 +230,3 @@ fn bound(set: &mut [Vpl], clamp: f32) {
         }
     }
 }
-
