@@ -1,0 +1,185 @@
+//! Bézier patches: biquadratic surfaces, cut into triangles to a tolerance and without cracks.
+//!
+//! A patch is a grid of 3×3 pieces that share their borders. Each piece is cut evenly, in powers of two, finely enough
+//! for its curvature and twist. A border is cut as its own three control points ask and nothing else: the two pieces that
+//! share it, of one patch or of two, make the same vertices there, bit by bit, whichever way they run along it. Where a
+//! piece is cut more finely inside, its outermost vertices move along the border to the nearest one of these. A straight
+//! border gets no vertex in between, so that flat faces can join it as well.
+//!
+//! # References
+//! Farin, "Curves and Surfaces for CAGD", 5th edition, 2002, chapters 5 and 14 (de Casteljau, tensor products).
+
+use glam::{Vec2, Vec3, Vec4};
+
+/// Greatest distance between a patch and its triangles, units of the game: 8 mm.
+pub(super) const TOLERANCE: f32 = 0.25;
+/// Most cuts of a piece in either direction.
+const MOST_CUTS: u32 = 64;
+
+/// A control point, or a point of the surface: texture coordinates, normals and colours are interpolated alike.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Point {
+    pub(super) position: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) uvs: [Vec2; 2],
+    pub(super) color: Vec4,
+}
+
+impl Point {
+    fn weighted(points: [&Self; 3], weights: [f32; 3]) -> Self {
+        // The outer terms first: the same bits come out when the curve runs the other way.
+        fn sum<T>(values: [T; 3], w: [f32; 3]) -> T
+        where
+            T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+        {
+            (values[0] * w[0] + values[2] * w[2]) + values[1] * w[1]
+        }
+        Self {
+            position: sum(points.map(|p| p.position), weights),
+            normal: sum(points.map(|p| p.normal), weights),
+            uvs: [0, 1].map(|set| sum(points.map(|p| p.uvs[set]), weights)),
+            color: sum(points.map(|p| p.color), weights),
+        }
+    }
+}
+
+/// The three quadratic Bernstein polynomials at `step / cuts`.
+fn bernstein(step: u32, cuts: u32) -> [f32; 3] {
+    let (t, s) = (step as f32 / cuts as f32, (cuts - step) as f32 / cuts as f32);
+    [s * s, 2.0 * (s * t), t * t]
+}
+
+/// One biquadratic piece: `points[row][column]`.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    points: [[Point; 3]; 3],
+    /// Cuts along a row and along a column.
+    cuts: [u32; 2],
+    /// Cuts of the borders: first row, last row, first column, last column.
+    borders: [u32; 4],
+}
+
+/// The power of two that is enough cuts for `needed` of them.
+fn power_of_two(needed: f32) -> u32 {
+    // NaN and infinite control points make no triangles that can be hit: any number will do.
+    if needed.is_finite() { (needed.ceil().clamp(1.0, MOST_CUTS as f32) as u32).next_power_of_two() } else { 1 }
+}
+
+/// Cuts of a curve: its middle is a quarter of its second difference away from the chord. A straight one has none,
+/// however its control points are spaced. The same bits come out when it runs the other way.
+fn curve_cuts([a, b, c]: [Vec3; 3]) -> u32 {
+    let (chord, offset) = (c - a, b - 0.5 * (a + c));
+    let sideways = offset.cross(chord).length();
+    let straight = sideways <= 0.01 * TOLERANCE * chord.length();
+    if straight && offset.dot(chord).abs() <= 0.5 * chord.length_squared() {
+        return 1;
+    }
+    power_of_two((0.25 * ((a + c) - 2.0 * b).length() / TOLERANCE).sqrt())
+}
+
+impl Piece {
+    /// The piece with these control points.
+    pub(super) fn new(points: [[Point; 3]; 3]) -> Self {
+        let p = points.map(|row| row.map(|point| point.position));
+        let second = |a: Vec3, b: Vec3, c: Vec3| ((a + c) - 2.0 * b).length();
+        let rows = (0..3).map(|i| second(p[i][0], p[i][1], p[i][2])).fold(0.0, f32::max);
+        let columns = (0..3).map(|i| second(p[0][i], p[1][i], p[2][i])).fold(0.0, f32::max);
+        let twist = (0..4)
+            .map(|i| (i / 2, i % 2))
+            .map(|(y, x)| ((p[y][x] + p[y + 1][x + 1]) - (p[y][x + 1] + p[y + 1][x])).length())
+            .fold(0.0, f32::max);
+        // Triangles of cells 1/m × 1/n are no farther off than (S_uu/m² + 2 S_uv/mn + S_vv/n²) / 8, where S_uu ≤ 2 rows
+        // and S_uv ≤ 4 twist. Half of the tolerance for this, as borders have their own, and a third of it for each term.
+        let share = TOLERANCE / 6.0;
+        let (mut m, mut n) =
+            (power_of_two((0.25 * rows / share).sqrt()), power_of_two((0.25 * columns / share).sqrt()));
+        while twist.is_finite() && twist / (m * n) as f32 > share && m.max(n) < MOST_CUTS {
+            if m <= n { m *= 2 } else { n *= 2 }
+        }
+        let column = |i: usize| [p[0][i], p[1][i], p[2][i]];
+        let borders = [p[0], p[2], column(0), column(2)].map(curve_cuts);
+        let cuts = [m.max(borders[0]).max(borders[1]), n.max(borders[2]).max(borders[3])];
+        Self { points, cuts, borders }
+    }
+
+    /// Vertices of the piece.
+    pub(super) fn vertices(&self) -> usize {
+        (self.cuts[0] as usize + 1) * (self.cuts[1] as usize + 1)
+    }
+
+    /// Triangles before those without area are left out.
+    pub(super) fn triangles(&self) -> usize {
+        2 * self.cuts[0] as usize * self.cuts[1] as usize
+    }
+
+    /// The surface at `column / cuts`, `row / cuts`.
+    fn at(&self, [column, row]: [u32; 2]) -> Point {
+        let (u, v) = (bernstein(column, self.cuts[0]), bernstein(row, self.cuts[1]));
+        // Along a border only its own control points count, in its own order of sums.
+        let [a, b, c] = &self.points;
+        let along = |r: &[Point; 3]| Point::weighted([&r[0], &r[1], &r[2]], u);
+        match row {
+            0 => along(a),
+            row if row == self.cuts[1] => along(c),
+            _ => {
+                let rows = [along(a), along(b), along(c)];
+                Point::weighted([&rows[0], &rows[1], &rows[2]], v)
+            }
+        }
+    }
+
+    /// Where a vertex of the grid lies: those on a border that is cut less finely move to its nearest vertex.
+    fn settled(&self, [column, row]: [u32; 2]) -> [u32; 2] {
+        let [m, n] = self.cuts;
+        let snap = |step: u32, cuts: u32, border: u32| {
+            let stride = cuts / border;
+            // Symmetric about the middle, and the ends stay.
+            let down = step / stride * stride;
+            if 2 * (step - down) > stride || (2 * (step - down) == stride && 2 * step > cuts) {
+                down + stride
+            } else {
+                down
+            }
+        };
+        let column = match row {
+            0 => snap(column, m, self.borders[0]),
+            row if row == n => snap(column, m, self.borders[1]),
+            _ => column,
+        };
+        let row = match column {
+            0 => snap(row, n, self.borders[2]),
+            column if column == m => snap(row, n, self.borders[3]),
+            _ => row,
+        };
+        [column, row]
+    }
+
+    /// Adds vertices and triangles, whose front is where the game has it.
+    pub(super) fn triangulate(&self, points: &mut Vec<Point>, triangles: &mut Vec<[u32; 3]>) {
+        let [m, n] = self.cuts;
+        let first = points.len() as u32;
+        for row in 0..=n {
+            points.extend((0..=m).map(|column| self.at([column, row])));
+        }
+        let index = |column: u32, row: u32| {
+            let [column, row] = self.settled([column, row]);
+            first + row * (m + 1) + column
+        };
+        for row in 0..n {
+            for column in 0..m {
+                let [a, b] = [index(column, row), index(column + 1, row)];
+                let [c, d] = [index(column, row + 1), index(column + 1, row + 1)];
+                let cell = [[a, b, c], [b, d, c]];
+                triangles.extend(cell.into_iter().filter(|[a, b, c]| a != b && b != c && c != a));
+            }
+        }
+    }
+}
+
+/// The pieces of a patch of `columns × rows` control points, both odd and at least 3, in rows.
+pub(super) fn pieces(control: &[Point], [columns, rows]: [usize; 2]) -> impl Iterator<Item = Piece> {
+    let corners = (0..rows / 2).flat_map(move |y| (0..columns / 2).map(move |x| (2 * x, 2 * y)));
+    corners.map(move |(x, y)| {
+        Piece::new([0, 1, 2].map(|row| [0, 1, 2].map(|column| control[(y + row) * columns + x + column])))
+    })
+}
