@@ -103,7 +103,7 @@ impl Materials<'_> {
         self.emission(making, &mut material, shader, look)?;
         if look.lit {
             material.ambient = self.ambient * material.base_color.truncate();
-        } else if look.mirror.is_none() {
+        } else if look.mirror.is_none() && look.cover != Cover::Filter {
             // Shown as it is: what it looks like is what it emits. Alpha stays.
             material.base_color = Vec4::from((Vec3::ZERO, material.base_color.w));
             if look.cover == Cover::Glow {
@@ -166,7 +166,8 @@ impl Materials<'_> {
         shader: &Shader,
         look: &Look<'_>,
     ) -> Result<(), LoadError> {
-        let as_shown = if look.lit || look.mirror.is_some() { None } else { look.base };
+        let reflects = look.lit || look.mirror.is_some() || look.cover == Cover::Filter;
+        let as_shown = if reflects { None } else { look.base };
         let first = as_shown.or(look.glow.first().copied());
         let stage = match first {
             Some(stage) => stage.clone(),

@@ -11,7 +11,8 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-/// Greatest distance between a patch and its triangles, units of the game: 8 mm.
+/// Greatest distance between a patch and its triangles, units of the game: 8 mm. Pieces that would take more than
+/// [`MOST_CUTS`] are coarser.
 pub(super) const TOLERANCE: f32 = 0.25;
 /// Most cuts of a piece in either direction.
 const MOST_CUTS: u32 = 64;
@@ -65,8 +66,8 @@ fn power_of_two(needed: f32) -> u32 {
     if needed.is_finite() { (needed.ceil().clamp(1.0, MOST_CUTS as f32) as u32).next_power_of_two() } else { 1 }
 }
 
-/// Cuts of a curve: its middle is a quarter of its second difference away from the chord. A straight one has none,
-/// however its control points are spaced. The same bits come out when it runs the other way.
+/// Cuts of a curve for half of the tolerance: its middle is a quarter of its second difference away from the chord. A
+/// straight one has none, however its control points are spaced. The same bits come out when it runs the other way.
 fn curve_cuts([a, b, c]: [Vec3; 3]) -> u32 {
     let (chord, offset) = (c - a, b - 0.5 * (a + c));
     let sideways = offset.cross(chord).length();
@@ -74,11 +75,16 @@ fn curve_cuts([a, b, c]: [Vec3; 3]) -> u32 {
     if straight && offset.dot(chord).abs() <= 0.5 * chord.length_squared() {
         return 1;
     }
-    power_of_two((0.25 * ((a + c) - 2.0 * b).length() / TOLERANCE).sqrt())
+    power_of_two((0.5 * ((a + c) - 2.0 * b).length() / TOLERANCE).sqrt())
 }
 
 impl Piece {
     /// The piece with these control points.
+    ///
+    /// Half of the tolerance is for the borders. Of triangles of cells 1/m × 1/n the rest is divided in four: they are
+    /// no farther off than (S_uu/m² + 2 S_uv/mn + S_vv/n²) / 8, where S_uu ≤ 2 `rows` and S_uv ≤ 4 `twist`. Those at a
+    /// border of b cuts span it more widely than their cells. The slopes at which the surface leaves it change along it,
+    /// which adds no more than S_uv/8bn + 4/27 S_uuv/8b²n; S_uuv ≤ 4 times the change of the second difference.
     pub(super) fn new(points: [[Point; 3]; 3]) -> Self {
         let p = points.map(|row| row.map(|point| point.position));
         let second = |a: Vec3, b: Vec3, c: Vec3| ((a + c) - 2.0 * b).length();
@@ -88,16 +94,22 @@ impl Piece {
             .map(|i| (i / 2, i % 2))
             .map(|(y, x)| ((p[y][x] + p[y + 1][x + 1]) - (p[y][x + 1] + p[y + 1][x])).length())
             .fold(0.0, f32::max);
-        // Triangles of cells 1/m × 1/n are no farther off than (S_uu/m² + 2 S_uv/mn + S_vv/n²) / 8, where S_uu ≤ 2 rows
-        // and S_uv ≤ 4 twist. Half of the tolerance for this, as borders have their own, and a third of it for each term.
-        let share = TOLERANCE / 6.0;
-        let (mut m, mut n) =
-            (power_of_two((0.25 * rows / share).sqrt()), power_of_two((0.25 * columns / share).sqrt()));
+        let share = TOLERANCE / 8.0;
+        let column = |i: usize| [p[0][i], p[1][i], p[2][i]];
+        let borders = [p[0], p[2], column(0), column(2)].map(curve_cuts);
+        let spread = |border: [Vec3; 3], inner: [Vec3; 3], cuts: u32| {
+            let bend = |[a, b, c]: [Vec3; 3]| (a + c) - 2.0 * b;
+            let cuts = cuts as f32;
+            (4.0 / 27.0 * (bend(inner) - bend(border)).length() / cuts + twist) / (2.0 * cuts * share)
+        };
+        let [top, bottom] = [spread(p[0], p[1], borders[0]), spread(p[2], p[1], borders[1])];
+        let [left, right] =
+            [spread(column(0), column(1), borders[2]), spread(column(2), column(1), borders[3])];
+        let mut m = power_of_two((0.25 * rows / share).sqrt().max(left).max(right));
+        let mut n = power_of_two((0.25 * columns / share).sqrt().max(top).max(bottom));
         while twist.is_finite() && twist / (m * n) as f32 > share && m.max(n) < MOST_CUTS {
             if m <= n { m *= 2 } else { n *= 2 }
         }
-        let column = |i: usize| [p[0][i], p[1][i], p[2][i]];
-        let borders = [p[0], p[2], column(0), column(2)].map(curve_cuts);
         let cuts = [m.max(borders[0]).max(borders[1]), n.max(borders[2]).max(borders[3])];
         Self { points, cuts, borders }
     }

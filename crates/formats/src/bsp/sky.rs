@@ -1,7 +1,7 @@
 //! Skies: six far images or layers of clouds, as a picture around the scene.
 
 use std::f32::consts::{PI, TAU};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use glam::{Mat3, Vec2, Vec3};
 use heliostat_scene::{Environment, EnvironmentMap, Image, Pixels};
@@ -20,6 +20,10 @@ const SIZE: [u32; 2] = [512, 256];
 const WORLD_RADIUS: f32 = 4096.0;
 /// Sides of the far box, in the order of [`side`].
 const SIDES: [&str; 6] = ["rt", "lf", "bk", "ft", "up", "dn"];
+
+/// Linear light of the values of 8-bit images.
+static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as f32 / 255.0)));
 
 /// A layer of clouds, read.
 struct Layer<'a> {
@@ -151,8 +155,8 @@ fn sample(image: &Image, at: Vec2, clamp: bool) -> (Vec3, f32) {
         let first = 4 * (y as usize * size[0] as usize + x as usize);
         let pixel: [f32; 4] = match &image.pixels {
             Pixels::Rgba8(p) => [0, 1, 2, 3].map(|lane| {
-                let value = f32::from(p[first + lane]) / 255.0;
-                if lane < 3 { srgb_to_linear(value) } else { value }
+                let value = p[first + lane];
+                if lane < 3 { LINEAR[usize::from(value)] } else { f32::from(value) / 255.0 }
             }),
             Pixels::RgbaF32(p) => [0, 1, 2, 3].map(|lane| p[first + lane]),
         };
