@@ -7,7 +7,7 @@ use heliostat_scene::{AlphaMode, Environment, Geometry, LightKind, Material, Mes
 
 use super::lumps::HEADER;
 use super::patch::{Piece, Point, TOLERANCE, pieces};
-use super::sample::{Corner, Sample};
+use super::sample::Sample;
 use crate::{Limits, Loaded, Memory, NoFiles, load_bytes};
 
 fn files(script: &str) -> Memory {
