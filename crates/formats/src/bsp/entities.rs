@@ -142,7 +142,8 @@ mod tests {
 
     #[test]
     fn keys_and_values() {
-        let text = "{\n\"classname\" \"light\" \"Origin\" \"1 -2.5 3e1\"\n}{ light 300x\n \"_color\" \"1 1\" }\0{";
+        let text =
+            "{\n\"classname\" \"light\" \"Origin\" \"1 -2.5 3e1\"\n}{ light 300x\n \"_color\" \"1 1\" }\0{";
         let entities = read(text).unwrap();
         assert_eq!(entities.len(), 2);
         assert_eq!(entities[0].class(), "light");

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::Vec3;
-use heliostat_scene::{ColorSpace, Image, Pixels, SceneBuilder, Texture, TextureId, TextureRef, UvTransform, Wrap};
+use heliostat_scene::{
+    ColorSpace, Image, Pixels, SceneBuilder, Texture, TextureId, TextureRef, UvTransform, Wrap,
+};
 
 use crate::context::Context;
 use crate::error::LoadError;
@@ -46,13 +48,7 @@ pub(super) struct Images {
 
 impl Images {
     pub(super) fn new(root: &'static str) -> Self {
-        Self {
-            root,
-            images: HashMap::new(),
-            textures: HashMap::new(),
-            refused: 0,
-            missing: Vec::new(),
-        }
+        Self { root, images: HashMap::new(), textures: HashMap::new(), refused: 0, missing: Vec::new() }
     }
 
     /// The image of this name, whatever it ends in; `None` if it cannot be read.

@@ -95,11 +95,8 @@ fn spot(entity: &Entity, origin: Vec3, target: Vec3, intensity: Vec3) -> Option<
 /// The sun of a sky; `None` without light.
 pub(super) fn sun(sun: &Sun) -> Option<Light> {
     let (azimuth, elevation) = (sun.azimuth.to_radians(), sun.elevation.to_radians());
-    let towards = Vec3::new(
-        elevation.cos() * azimuth.cos(),
-        elevation.cos() * azimuth.sin(),
-        elevation.sin(),
-    );
+    let towards =
+        Vec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
     let irradiance = units::sun(sun.intensity) * sun.color;
     let direction = units::direction(-towards);
     let usable = irradiance.is_finite() && irradiance.max_element() > 0.0 && direction.is_finite();

@@ -141,8 +141,7 @@ mod tests {
     #[test]
     fn a_light_map_below_lights_the_image_over_it() {
         let first = Stage { blend: None, ..lightmap() };
-        let shader =
-            Shader { stages: vec![first, image("wall", Some(Blend::Filter))], ..Shader::default() };
+        let shader = Shader { stages: vec![first, image("wall", Some(Blend::Filter))], ..Shader::default() };
         let look = Look::new(&shader);
         assert_eq!((name(look.base), look.lit), ("wall", true));
     }
@@ -157,11 +156,9 @@ mod tests {
 
     #[test]
     fn covers() {
-        for (blend, cover) in [
-            (Blend::Add, Cover::Glow),
-            (Blend::Filter, Cover::Filter),
-            (Blend::Over, Cover::Alpha),
-        ] {
+        for (blend, cover) in
+            [(Blend::Add, Cover::Glow), (Blend::Filter, Cover::Filter), (Blend::Over, Cover::Alpha)]
+        {
             let shader = Shader { stages: vec![image("a", Some(blend))], ..Shader::default() };
             assert_eq!(Look::new(&shader).cover, cover);
         }

@@ -263,13 +263,11 @@ impl<'a> Lumps<'a> {
         let bytes = self.record(Lump::Faces, index);
         let place = self.place(Lump::Faces, index);
         let field = |i: usize| i32_at(bytes, 4 * i);
-        let wrong = |problem: String| {
-            LoadError::input(place.clone(), format!("face {index} {problem}"), DAMAGED)
-        };
+        let wrong =
+            |problem: String| LoadError::input(place.clone(), format!("face {index} {problem}"), DAMAGED);
         let part = |name: &str, lump: Lump, first: i32, count: i32| {
             let all = self.count(lump);
-            range(first, count, all)
-                .ok_or_else(|| wrong(format!("has {count} {name} from {first} of {all}")))
+            range(first, count, all).ok_or_else(|| wrong(format!("has {count} {name} from {first} of {all}")))
         };
         let textures = self.count(Lump::Textures);
         let texture = usize::try_from(field(0)).ok().filter(|&t| t < textures);

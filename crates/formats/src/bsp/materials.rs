@@ -124,11 +124,7 @@ impl Materials<'_> {
     }
 
     /// Mean colour of a stage's image; `None` if there is none.
-    fn mean(
-        &mut self,
-        making: &mut Making<'_, '_, '_>,
-        stage: &Stage,
-    ) -> Result<Option<Vec3>, LoadError> {
+    fn mean(&mut self, making: &mut Making<'_, '_, '_>, stage: &Stage) -> Result<Option<Vec3>, LoadError> {
         match &stage.map {
             Map::Image { name, .. } => {
                 let image = self.images.read(making.context, making.place, name)?;

@@ -1,6 +1,7 @@
-//! Faces to meshes: one per model and texture.
+//! Faces to meshes: one per model and texture, and one per lamp.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use glam::{Vec3, Vec4};
 use heliostat_scene::Mesh;
@@ -16,8 +17,8 @@ use crate::place::Place;
 /// What becomes of the faces with a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Shown; whether light falls on it.
-    Shown { lit: bool },
+    /// Shown; whether light falls on it, and whether it is a source of light.
+    Shown { lit: bool, lamp: bool },
     /// A hole through which the environment is seen.
     Sky,
     /// Never drawn in the game.
@@ -34,6 +35,9 @@ pub(super) struct Tally {
     pub(super) sky: usize,
     pub(super) not_drawn: usize,
 }
+
+/// Most faces of a lamp's texture that become meshes of their own, so that each lamp is found by itself.
+const MOST_LAMPS: usize = 64;
 
 /// Vertices and triangles so far.
 #[derive(Default)]
@@ -60,10 +64,11 @@ impl Meshes<'_> {
         &self,
         context: &mut Context<'_>,
         place: &Place,
-        faces: std::ops::Range<usize>,
+        faces: Range<usize>,
         tally: &mut Tally,
     ) -> Result<Vec<(usize, Mesh)>, LoadError> {
-        let mut heaps: BTreeMap<usize, Heap> = BTreeMap::new();
+        let mut heaps: BTreeMap<(usize, usize), Heap> = BTreeMap::new();
+        let lamps = self.lamps(faces.clone())?;
         for index in faces {
             let face = self.lumps.face(index)?;
             if face.kind == FaceKind::Flare {
@@ -71,7 +76,7 @@ impl Meshes<'_> {
                 continue;
             }
             let lit = match self.uses[face.texture] {
-                Use::Shown { lit } => lit,
+                Use::Shown { lit, .. } => lit,
                 Use::Sky => {
                     tally.sky += 1;
                     continue;
@@ -91,10 +96,23 @@ impl Meshes<'_> {
             if self.baked {
                 self.light(context, &place, &face, lit, &mut heap)?;
             }
-            append(heaps.entry(face.texture).or_default(), heap);
+            let alone = lamps.get(&face.texture).is_some_and(|&count| count <= MOST_LAMPS);
+            append(heaps.entry((face.texture, if alone { index } else { 0 })).or_default(), heap);
         }
         let full = heaps.into_iter().filter(|(_, heap)| !heap.triangles.is_empty());
-        Ok(full.map(|(texture, heap)| (texture, self.mesh(heap))).collect())
+        Ok(full.map(|((texture, _), heap)| (texture, self.mesh(heap))).collect())
+    }
+
+    /// How many faces have the texture of a lamp, by texture.
+    fn lamps(&self, faces: Range<usize>) -> Result<BTreeMap<usize, usize>, LoadError> {
+        let mut lamps = BTreeMap::new();
+        for index in faces {
+            let texture = self.lumps.face(index)?.texture;
+            if let Use::Shown { lamp: true, .. } = self.uses[texture] {
+                *lamps.entry(texture).or_default() += 1;
+            }
+        }
+        Ok(lamps)
     }
 
     fn face(&self, context: &mut Context<'_>, place: &Place, face: &Face) -> Result<Heap, LoadError> {
@@ -166,7 +184,12 @@ impl Meshes<'_> {
 }
 
 /// Counts vertices, with all that they carry, and triangles.
-fn count(context: &mut Context<'_>, place: &Place, vertices: usize, triangles: usize) -> Result<(), LoadError> {
+fn count(
+    context: &mut Context<'_>,
+    place: &Place,
+    vertices: usize,
+    triangles: usize,
+) -> Result<(), LoadError> {
     context.count_mesh(vertices, triangles, place)?;
     context.charge_array(vertices, size_of::<Point>(), place)
 }

@@ -201,8 +201,7 @@ impl Map<'_> {
         }
         let baked = context.limits.lightmaps;
         let Some(shader) = self.shader(first) else {
-            let message =
-                format!("no script has the sky `{}`; it stays black", self.textures[first].name);
+            let message = format!("no script has the sky `{}`; it stays black", self.textures[first].name);
             context.warn(self.place.clone(), message, "put the game's scripts into the folder `scripts`");
             return Ok(());
         };
@@ -239,7 +238,8 @@ impl Map<'_> {
                 let named = (self.textures[texture].name.as_str(), self.shader(texture));
                 let (material, lit) = maker.material(context, builder, self.place, named)?;
                 dressed.materials.insert(texture, builder.material(material));
-                Use::Shown { lit }
+                let lamp = named.1.is_some_and(|shader| shader.surface_light > 0.0) && !baked;
+                Use::Shown { lit, lamp }
             } else {
                 Use::NotDrawn
             };
@@ -266,8 +266,7 @@ impl Map<'_> {
         dressed: &Dressed,
         (models, entities): (&[ModelRecord], &[Entity]),
     ) -> Result<Tally, LoadError> {
-        let meshes =
-            Meshes { lumps: self.lumps, uses: &dressed.uses, baked: context.limits.lightmaps };
+        let meshes = Meshes { lumps: self.lumps, uses: &dressed.uses, baked: context.limits.lightmaps };
         let mut tally = Tally::default();
         let mut objects = vec![None; models.len()];
         let mut object = |context: &mut Context<'_>, builder: &mut SceneBuilder, index: usize| {
@@ -298,10 +297,9 @@ impl Map<'_> {
             };
             let Some(id) = object(context, builder, index)? else { continue };
             let origin = entity.vector("origin").unwrap_or(Vec3::ZERO);
-            let name = entity.get("targetname").map_or_else(
-                || entity.class().to_owned(),
-                |target| format!("{} {target}", entity.class()),
-            );
+            let name = entity
+                .get("targetname")
+                .map_or_else(|| entity.class().to_owned(), |target| format!("{} {target}", entity.class()));
             context.charge(256 + name.len() as u64, self.place)?;
             builder.place(name, id, None, units::placement(origin));
             if !matches!(entity.class(), "func_static" | "func_group") {
@@ -327,7 +325,8 @@ impl Map<'_> {
             context.note(self.place.clone(), message, "");
         }
         if found.linear > 0 {
-            let message = format!("{} lights fall off linearly in the game; here as light does", found.linear);
+            let message =
+                format!("{} lights fall off linearly in the game; here as light does", found.linear);
             context.note(self.place.clone(), message, "");
         }
         found.lights.into_iter().for_each(|light| _ = builder.light(light));
@@ -350,8 +349,7 @@ impl Map<'_> {
         let (found, missing) = images.found_and_missing();
         context.note(self.place.clone(), format!("{found} images found, {} missing", missing.len()), "");
         if !missing.is_empty() {
-            let mut names: Vec<String> =
-                missing.iter().map(|name| name.chars().take(64).collect()).collect();
+            let mut names: Vec<String> = missing.iter().map(|name| name.chars().take(64).collect()).collect();
             names.sort_unstable();
             let more = if names.len() > 8 { ", …" } else { "" };
             names.truncate(8);

@@ -12,10 +12,12 @@
 use glam::{Vec2, Vec3, Vec4};
 
 /// Greatest distance between a patch and its triangles, units of the game: 8 mm. Pieces that would take more than
-/// [`MOST_CUTS`] are coarser.
+/// [`MOST_CUTS`], or more than [`MOST_FOR_TWIST`] where straight borders bound what is twisted, are coarser.
 pub(super) const TOLERANCE: f32 = 0.25;
 /// Most cuts of a piece in either direction.
 const MOST_CUTS: u32 = 64;
+/// Most cuts in either direction for twist, which takes many and is seen little.
+const MOST_FOR_TWIST: u32 = 8;
 
 /// A control point, or a point of the surface: texture coordinates, normals and colours are interpolated alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,7 +65,11 @@ pub(super) struct Piece {
 /// The power of two that is enough cuts for `needed` of them.
 fn power_of_two(needed: f32) -> u32 {
     // NaN and infinite control points make no triangles that can be hit: any number will do.
-    if needed.is_finite() { (needed.ceil().clamp(1.0, MOST_CUTS as f32) as u32).next_power_of_two() } else { 1 }
+    if needed.is_finite() {
+        (needed.ceil().clamp(1.0, MOST_CUTS as f32) as u32).next_power_of_two()
+    } else {
+        1
+    }
 }
 
 /// Cuts of a curve for half of the tolerance: its middle is a quarter of its second difference away from the chord. A
@@ -78,38 +84,58 @@ fn curve_cuts([a, b, c]: [Vec3; 3]) -> u32 {
     power_of_two((0.5 * ((a + c) - 2.0 * b).length() / TOLERANCE).sqrt())
 }
 
+/// Whether all control points lie in a plane, and so the surface.
+fn is_flat(p: &[[Vec3; 3]; 3]) -> bool {
+    let offsets = || p.iter().flatten().map(|q| *q - p[0][0]);
+    // The plane through the first point and the two that span the most with it.
+    let normals = offsets().flat_map(|a| offsets().map(move |b| a.cross(b)));
+    let normal =
+        normals.fold(Vec3::ZERO, |best, n| if n.length_squared() > best.length_squared() { n } else { best });
+    offsets().all(|offset| offset.dot(normal).abs() <= 0.05 * TOLERANCE * normal.length())
+}
+
 impl Piece {
     /// The piece with these control points.
     ///
-    /// Half of the tolerance is for the borders. Of triangles of cells 1/m × 1/n the rest is divided in four: they are
-    /// no farther off than (S_uu/m² + 2 S_uv/mn + S_vv/n²) / 8, where S_uu ≤ 2 `rows` and S_uv ≤ 4 `twist`. Those at a
-    /// border of b cuts span it more widely than their cells. The slopes at which the surface leaves it change along it,
-    /// which adds no more than S_uv/8bn + 4/27 S_uuv/8b²n; S_uuv ≤ 4 times the change of the second difference.
+    /// Half of the tolerance is for the borders, the rest for what bends inside. Triangles of cells 1/m × 1/n are no
+    /// farther off than (S_uu/m² + 2 S_uv/mn + S_vv/n²) / 8, where S_uu ≤ 2 `rows` and S_uv ≤ 4 `twist`. Those at a border
+    /// of b cuts span it more widely than their cells. The slopes at which the surface leaves it change along it, which
+    /// adds no more than S_uv/8bn + 4/27 S_uuv/8b²n; S_uuv ≤ 4 times the change of the second difference.
     pub(super) fn new(points: [[Point; 3]; 3]) -> Self {
         let p = points.map(|row| row.map(|point| point.position));
-        let second = |a: Vec3, b: Vec3, c: Vec3| ((a + c) - 2.0 * b).length();
-        let rows = (0..3).map(|i| second(p[i][0], p[i][1], p[i][2])).fold(0.0, f32::max);
-        let columns = (0..3).map(|i| second(p[0][i], p[1][i], p[2][i])).fold(0.0, f32::max);
+        let column = |i: usize| [p[0][i], p[1][i], p[2][i]];
+        let borders = [p[0], p[2], column(0), column(2)].map(curve_cuts);
+        if is_flat(&p) {
+            return Self::with_cuts(points, borders, [1, 1]);
+        }
+        let bend = |[a, b, c]: [Vec3; 3]| (a + c) - 2.0 * b;
+        let largest = |values: [f32; 3]| values.into_iter().fold(0.0, f32::max);
+        let rows = largest(p.map(|row| bend(row).length()));
+        let columns = largest([0, 1, 2].map(|i| bend(column(i)).length()));
         let twist = (0..4)
             .map(|i| (i / 2, i % 2))
             .map(|(y, x)| ((p[y][x] + p[y + 1][x + 1]) - (p[y][x + 1] + p[y + 1][x])).length())
             .fold(0.0, f32::max);
-        let share = TOLERANCE / 8.0;
-        let column = |i: usize| [p[0][i], p[1][i], p[2][i]];
-        let borders = [p[0], p[2], column(0), column(2)].map(curve_cuts);
+        let terms = [rows, columns, twist, twist].iter().filter(|term| **term > 0.01 * TOLERANCE).count();
+        let share = 0.5 * TOLERANCE / terms.max(1) as f32;
         let spread = |border: [Vec3; 3], inner: [Vec3; 3], cuts: u32| {
-            let bend = |[a, b, c]: [Vec3; 3]| (a + c) - 2.0 * b;
             let cuts = cuts as f32;
-            (4.0 / 27.0 * (bend(inner) - bend(border)).length() / cuts + twist) / (2.0 * cuts * share)
+            let change = (bend(inner) - bend(border)).length();
+            ((4.0 / 27.0 * change / cuts + twist) / (2.0 * cuts * share)).min(MOST_FOR_TWIST as f32)
         };
         let [top, bottom] = [spread(p[0], p[1], borders[0]), spread(p[2], p[1], borders[1])];
         let [left, right] =
             [spread(column(0), column(1), borders[2]), spread(column(2), column(1), borders[3])];
         let mut m = power_of_two((0.25 * rows / share).sqrt().max(left).max(right));
         let mut n = power_of_two((0.25 * columns / share).sqrt().max(top).max(bottom));
-        while twist.is_finite() && twist / (m * n) as f32 > share && m.max(n) < MOST_CUTS {
+        while twist.is_finite() && twist / (m * n) as f32 > share && m.min(n) < MOST_FOR_TWIST {
             if m <= n { m *= 2 } else { n *= 2 }
         }
+        Self::with_cuts(points, borders, [m, n])
+    }
+
+    /// Cut at least so often, and as often as the borders are.
+    fn with_cuts(points: [[Point; 3]; 3], borders: [u32; 4], [m, n]: [u32; 2]) -> Self {
         let cuts = [m.max(borders[0]).max(borders[1]), n.max(borders[2]).max(borders[3])];
         Self { points, cuts, borders }
     }

@@ -76,8 +76,7 @@ impl Sample {
     /// Ends a model with all faces that no other has; the first is the world.
     pub(crate) fn model(&mut self) {
         let records = self.models.as_chunks::<40>().0;
-        let before: i32 =
-            records.iter().map(|r| i32::from_le_bytes([r[28], r[29], r[30], r[31]])).sum();
+        let before: i32 = records.iter().map(|r| i32::from_le_bytes([r[28], r[29], r[30], r[31]])).sum();
         let count = self.faces.len() as i32 / 104 - before;
         self.models.extend(floats(&[0.0; 6]));
         self.models.extend(ints(&[before, count, 0, 0]));

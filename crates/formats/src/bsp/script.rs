@@ -265,8 +265,9 @@ impl Shader {
                 self.sky = Some(Sky { far_box, cloud_height });
             }
             // What concerns the game, the editor and the compiler but not the look; fog is told of with its volumes.
-            "nopicmip" | "nomipmaps" | "polygonoffset" | "portal" | "sort" | "fogparms" | "entitymergable"
-            | "light" | "tesssize" | "clamptime" | "cloudparms" | "lightning" | "foggen" => {}
+            "nopicmip" | "nomipmaps" | "polygonoffset" | "portal" | "sort" | "fogparms"
+            | "entitymergable" | "light" | "tesssize" | "clamptime" | "cloudparms" | "lightning"
+            | "foggen" => {}
             keyword => return keyword.starts_with("q3map_") || keyword.starts_with("qer_"),
         }
         true
@@ -277,12 +278,7 @@ impl Sun {
     fn parse(s: &Statement<'_>) -> Option<Self> {
         let color = Vec3::new(s.number(0)?, s.number(1)?, s.number(2)?).max(Vec3::ZERO);
         let color = if color.max_element() > 0.0 { color / color.max_element() } else { Vec3::ONE };
-        Some(Self {
-            color,
-            intensity: s.number(3)?.max(0.0),
-            azimuth: s.number(4)?,
-            elevation: s.number(5)?,
-        })
+        Some(Self { color, intensity: s.number(3)?.max(0.0), azimuth: s.number(4)?, elevation: s.number(5)? })
     }
 }
 

@@ -40,7 +40,10 @@ fn meshes(scene: &Scene) -> Vec<&Mesh> {
 fn every_kind_of_face_and_entity() {
     let (loaded, scene) = read(&Sample::everything(), Sample::SCRIPT);
     assert_eq!(scene.objects().values().map(|o| o.name.as_str()).collect::<Vec<_>>(), ["world", "model 1"]);
-    assert_eq!(scene.instances().values().map(|i| i.name.as_str()).collect::<Vec<_>>(), ["world", "func_door"]);
+    assert_eq!(
+        scene.instances().values().map(|i| i.name.as_str()).collect::<Vec<_>>(),
+        ["world", "func_door"]
+    );
     let kinds: Vec<_> = scene.lights().values().map(|light| light.kind).collect();
     assert!(
         matches!(kinds[..], [LightKind::Directional { .. }, LightKind::Spot { .. }, LightKind::Point { .. }]),
@@ -70,11 +73,8 @@ fn light_of_surfaces_is_that_of_their_script_in_the_mean() {
     let lamp = material(&scene, "textures/a/lamp");
     // The image's mean is (1, 0.5², …)/2; its brightest channel is to give 3 · 100 / 255.
     let orange = 0.215_86; // 128/255, decoded from sRGB
-    let image = super::images::mean(&heliostat_scene::Image::rgba8(
-        2,
-        1,
-        vec![255, 128, 0, 255, 0, 0, 255, 255],
-    ));
+    let image =
+        super::images::mean(&heliostat_scene::Image::rgba8(2, 1, vec![255, 128, 0, 255, 0, 0, 255, 255]));
     assert!(image.abs_diff_eq(Vec3::new(0.5, 0.5 * orange, 0.5), 1e-4), "{image}");
     let mean = lamp.emissive * image.max_element();
     assert!(mean.abs_diff_eq(Vec3::splat(300.0 / 255.0), 1e-4), "{mean}");
@@ -103,7 +103,9 @@ fn scripts_become_materials() {
     assert!(fire.transmission == 1.0 && fire.volume.is_none() && fire.emissive == Vec3::ONE);
     let window = shader(&format!("{{ {stone} blendfunc filter }}"));
     assert!(window.transmission == 1.0 && window.base_color_texture.is_some() && !window.is_emissive());
-    let water = shader(&format!("surfaceparm water\n{{ {stone} blendfunc blend\n rgbgen vertex\n alphagen const 0.5 }}"));
+    let water = shader(&format!(
+        "surfaceparm water\n{{ {stone} blendfunc blend\n rgbgen vertex\n alphagen const 0.5 }}"
+    ));
     assert_eq!((water.alpha_mode, water.base_color.w, water.specular), (AlphaMode::Blend, 0.5, 1.0));
     let chrome = shader(&format!("{{ {stone} tcgen environment }} {lightmap}"));
     assert!(chrome.metallic == 1.0 && chrome.base_color_texture.is_none());
@@ -201,8 +203,8 @@ fn patches_are_as_close_to_the_surface_as_promised() {
     for heights in [
         [[0.0; 3]; 3],
         [[0.0, 64.0, 0.0]; 3],
-        [[0.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, 0.0, 0.0]],
-        [[0.0, 2.0, 4.0], [0.0, 0.0, 0.0], [4.0, 2.0, 0.0]],
+        [[0.0, 0.5, 1.0], [0.0, 0.0, 0.0], [1.0, 0.5, 0.0]],
+        [[0.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 0.0]],
         [[0.0, 90.0, -30.0], [10.0, 80.0, 20.0], [-40.0, 5.0, 60.0]],
     ] {
         let points = control(heights, 64.0);
