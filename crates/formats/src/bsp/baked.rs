@@ -13,7 +13,7 @@ use super::patch::Point;
 use crate::image::pixels::srgb_to_linear;
 
 /// Longest edge, units: what a texel of a light map spans unless the map's author wanted otherwise.
-const EDGE: f32 = 16.0;
+pub(super) const EDGE: f32 = 16.0;
 /// What the game multiplies light maps by before it shows them, on the screen.
 const OVERBRIGHT: f32 = 2.0;
 /// Edges longer than this lie outside of any map: they are left as they are.
@@ -47,9 +47,9 @@ pub(super) fn vertex_light([r, g, b, _]: [u8; 4]) -> Vec4 {
 }
 
 /// Whether an edge is too long; the answer is the same from both ends.
-fn is_long(a: &Point, b: &Point) -> bool {
+fn is_long(a: &Point, b: &Point, edge: f32) -> bool {
     let squared = (a.position - b.position).length_squared();
-    squared > EDGE * EDGE && squared <= OUTSIDE * OUTSIDE
+    squared > edge * edge && squared <= OUTSIDE * OUTSIDE
 }
 
 fn middle(a: &Point, b: &Point) -> Point {
@@ -61,18 +61,19 @@ fn middle(a: &Point, b: &Point) -> Point {
     }
 }
 
-/// Cuts triangles until no edge is too long. `room` is asked before vertices and triangles are added, and may refuse.
+/// Cuts triangles until no edge is longer than `edge`, units. `room` is asked before vertices and triangles are added, and may refuse.
 ///
 /// # Errors
 /// Those of `room`.
 pub(super) fn subdivide<E>(
     points: &mut Vec<Point>,
     triangles: &mut Vec<[u32; 3]>,
+    edge: f32,
     mut room: impl FnMut(usize, usize) -> Result<(), E>,
 ) -> Result<(), E> {
     for _ in 0..MOST_CUTS {
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
-        let long = |points: &[Point], a: u32, b: u32| is_long(&points[a as usize], &points[b as usize]);
+        let long = |points: &[Point], a: u32, b: u32| is_long(&points[a as usize], &points[b as usize], edge);
         let mut added = 0;
         for &[a, b, c] in triangles.iter() {
             for (a, b) in [(a, b), (b, c), (c, a)] {

@@ -22,6 +22,9 @@ const WATER_IOR: f32 = 1.33;
 /// The most an image is brightened by to give the light that its shader states.
 const MOST_GAIN: f32 = 1e4;
 
+/// The most that a channel is brightened by over the brightest one, to give a light its hue.
+const MOST_TINT: f32 = 8.0;
+
 /// Makes the materials of one map.
 pub(super) struct Materials<'m> {
     pub(super) images: &'m mut Images,
@@ -154,6 +157,31 @@ impl Materials<'_> {
         Ok(())
     }
 
+    /// The even light of a sky's faces, through which it is seen; `None` without light.
+    ///
+    /// # Errors
+    /// When the images exceed the limits.
+    pub(super) fn veil(
+        &mut self,
+        context: &mut Context<'_>,
+        place: &Place,
+        shader: &Shader,
+    ) -> Result<Option<Material>, LoadError> {
+        let picture = shader.stages.iter().find_map(|stage| match &stage.map {
+            Map::Image { name, .. } => Some(name),
+            _ => None,
+        });
+        let image = match shader.light_image.as_ref().or(picture) {
+            Some(name) => self.images.read(context, place, name)?,
+            None => None,
+        };
+        let hue = image.map_or(Vec3::ONE, |image| hue(mean(&image)));
+        let emissive = units::surface_light(shader.surface_light) * hue;
+        let shines = emissive.is_finite() && emissive.max_element() > 0.0;
+        let sheet = Material { name: shader.name.clone(), specular: 0.0, emissive, ..Material::default() };
+        Ok(shines.then(|| Material { transmission: 1.0, roughness: 0.0, ..sheet }))
+    }
+
     /// What shines: images added on top, surfaces without light on them, and light that the compiler was told of.
     fn emission(
         &mut self,
@@ -183,8 +211,11 @@ impl Materials<'_> {
         let mean = self.mean(making, &stage)?;
         if shader.surface_light > 0.0 {
             let color = mean.filter(|mean| mean.max_element() > 0.0);
-            let gain = (1.0 / color.map_or(1.0, Vec3::max_element)).min(MOST_GAIN);
-            material.emissive = Vec3::splat(units::surface_light(shader.surface_light) * gain);
+            let gain = color.map_or(Vec3::ONE, |mean| {
+                let least = (1.0 / mean.max_element()).min(MOST_GAIN);
+                (hue(mean) / mean.max(Vec3::splat(1e-6))).min(Vec3::splat(MOST_TINT * least))
+            });
+            material.emissive = units::surface_light(shader.surface_light) * gain;
             // The light is there even where its picture is not.
             material.emissive_texture = if color.is_some() { self.texture(making, &stage)? } else { None };
         } else if mean.is_some() || as_shown.is_some() {
@@ -196,6 +227,12 @@ impl Materials<'_> {
         }
         Ok(())
     }
+}
+
+/// The hue of light from a mean linear colour, with a maximum of 1: the compiler took values on the screen for light.
+fn hue(mean: Vec3) -> Vec3 {
+    let screen = mean.map(|value| value.max(0.0).powf(1.0 / 2.2));
+    if screen.max_element() > 0.0 { screen / screen.max_element() } else { Vec3::ONE }
 }
 
 /// The constant linear colour that multiplies a stage's image.

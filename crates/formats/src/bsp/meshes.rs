@@ -1,6 +1,6 @@
 //! Faces to meshes: one per model and texture, and one per lamp.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 use glam::{Vec3, Vec4};
@@ -12,6 +12,7 @@ use super::patch::{Point, pieces};
 use super::units;
 use crate::context::Context;
 use crate::error::LoadError;
+use crate::normals::smooth_normals;
 use crate::place::Place;
 
 /// What becomes of the faces with a texture.
@@ -19,8 +20,8 @@ use crate::place::Place;
 pub(super) enum Use {
     /// Shown; whether light falls on it, and whether it is a source of light.
     Shown { lit: bool, lamp: bool },
-    /// A hole through which the environment is seen.
-    Sky,
+    /// A hole through which the environment is seen; whether a veil of its light is shown there.
+    Sky { veiled: bool },
     /// Never drawn in the game.
     NotDrawn,
 }
@@ -38,6 +39,11 @@ pub(super) struct Tally {
 
 /// Most faces of a lamp's texture that become meshes of their own, so that each lamp is found by itself.
 const MOST_LAMPS: usize = 64;
+
+/// Longest edge of a small lamp, units: a few texels.
+const LAMP_EDGE: f32 = 4.0;
+/// Most edges along the side of a large one.
+const LAMP_CUTS: f32 = 32.0;
 
 /// Vertices and triangles so far.
 #[derive(Default)]
@@ -75,11 +81,14 @@ impl Meshes<'_> {
                 tally.flares += 1;
                 continue;
             }
-            let lit = match self.uses[face.texture] {
-                Use::Shown { lit, .. } => lit,
-                Use::Sky => {
+            let (lit, is_sky) = match self.uses[face.texture] {
+                Use::Shown { lit, .. } => (lit, false),
+                Use::Sky { veiled } => {
                     tally.sky += 1;
-                    continue;
+                    if !veiled {
+                        continue;
+                    }
+                    (false, true)
                 }
                 Use::NotDrawn => {
                     tally.not_drawn += 1;
@@ -87,6 +96,7 @@ impl Meshes<'_> {
                 }
             };
             match face.kind {
+                _ if is_sky => {}
                 FaceKind::Polygon => tally.polygons += 1,
                 FaceKind::Patch(_) => tally.patches += 1,
                 _ => tally.meshes += 1,
@@ -97,6 +107,9 @@ impl Meshes<'_> {
                 self.light(context, &place, &face, lit, &mut heap)?;
             }
             let alone = lamps.get(&face.texture).is_some_and(|&count| count <= MOST_LAMPS);
+            if alone && !is_sky {
+                refine_lamp(context, &place, &mut heap)?;
+            }
             append(heaps.entry((face.texture, if alone { index } else { 0 })).or_default(), heap);
         }
         let full = heaps.into_iter().filter(|(_, heap)| !heap.triangles.is_empty());
@@ -108,7 +121,7 @@ impl Meshes<'_> {
         let mut lamps = BTreeMap::new();
         for index in faces {
             let texture = self.lumps.face(index)?.texture;
-            if let Use::Shown { lamp: true, .. } = self.uses[texture] {
+            if let Use::Shown { lamp: true, .. } | Use::Sky { veiled: true } = self.uses[texture] {
                 *lamps.entry(texture).or_default() += 1;
             }
         }
@@ -125,6 +138,7 @@ impl Meshes<'_> {
                 count(context, place, piece.vertices(), piece.triangles())?;
                 piece.triangulate(&mut heap.points, &mut heap.triangles);
             }
+            smooth(&mut heap);
         } else {
             count(context, place, face.vertices.len(), face.mesh_vertices.len() / 3)?;
             heap.points.extend(vertices);
@@ -159,7 +173,7 @@ impl Meshes<'_> {
             return Ok(());
         }
         let room = |vertices, triangles| count(context, place, vertices, triangles);
-        baked::subdivide(&mut heap.points, &mut heap.triangles, room)?;
+        baked::subdivide(&mut heap.points, &mut heap.triangles, baked::EDGE, room)?;
         if let Some(page) = face.lightmap {
             let page = self.lumps.lightmap(page);
             heap.points.iter_mut().for_each(|p| p.color = baked::lookup(page, p.uvs[1]).extend(1.0));
@@ -181,6 +195,40 @@ impl Meshes<'_> {
         }
         mesh
     }
+}
+
+/// Gives a patch the normals of its surface, as the game does: those of its control points are missing in many maps.
+/// Vertices in one place share theirs, across the seams of pieces and of closed pipes.
+fn smooth(heap: &mut Heap) {
+    let mut places = HashMap::new();
+    let mut positions = Vec::new();
+    let places: Vec<u32> = heap
+        .points
+        .iter()
+        .map(|point| {
+            let bits = (point.position + Vec3::ZERO).to_array().map(f32::to_bits);
+            *places.entry(bits).or_insert_with(|| {
+                positions.push(point.position);
+                positions.len() as u32 - 1
+            })
+        })
+        .collect();
+    let front: Vec<[u32; 3]> =
+        heap.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|i| places[i as usize])).collect();
+    let normals = smooth_normals(&positions, &front);
+    for (point, place) in heap.points.iter_mut().zip(places) {
+        point.normal = normals[place as usize];
+    }
+}
+
+/// Cuts a lamp until its triangles show its picture: renderers choose bright ones more often, and a lamp is mostly a small
+/// bright spot on a dark frame.
+fn refine_lamp(context: &mut Context<'_>, place: &Place, heap: &mut Heap) -> Result<(), LoadError> {
+    let corner = |pick: fn(Vec3, Vec3) -> Vec3| heap.points.iter().map(|p| p.position).reduce(pick);
+    let extent = corner(Vec3::max).zip(corner(Vec3::min)).map_or(0.0, |(max, min)| (max - min).max_element());
+    let edge = LAMP_EDGE.max(extent / LAMP_CUTS);
+    let room = |vertices, triangles| count(context, place, vertices, triangles);
+    baked::subdivide(&mut heap.points, &mut heap.triangles, edge, room)
 }
 
 /// Counts vertices, with all that they carry, and triangles.

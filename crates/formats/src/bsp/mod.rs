@@ -18,12 +18,16 @@
 //! - The image that covers the surface, with a light map or light in its vertices, or without a script, is a Lambertian
 //!   reflectance. Where no light falls on it in the game, it is what the surface emits.
 //! - Images that are added after the light map glow. `q3map_surfacelight` makes the image that glows, or else that of
-//!   `q3map_lightimage`, shine as brightly as the compiler had it, in the mean over the image.
+//!   `q3map_lightimage`, shine as brightly as the compiler had it, in the mean over the image, and in the hue of the
+//!   mean of its values on the screen. Each of few lamps is a mesh of its own, cut finely enough to show its picture,
+//!   which renderers need to find the bright spots.
 //! - `alphaFunc` makes holes, `blendFunc blend` covers by alpha, `add` alone only adds light, `filter` alone is coloured glass.
 //! - `tcGen environment` shows a picture of surroundings; here they are mirrored: by metal of 80 % reflectance in the
 //!   picture's hue, or by a gloss of 11 % where it is added to something.
-//! - Surfaces that the game does not draw (clips, triggers, caulk) are left out. So are skies: their clouds or far images
-//!   become the environment, as bright as their `q3map_surfacelight`.
+//! - Surfaces that the game does not draw (clips, triggers, caulk) are left out.
+//! - The clouds or far images of the sky become the environment, as bright as on the screen. The light of its
+//!   `q3map_surfacelight` comes, as in the compiler, from the sky's faces: clear sheets that shine evenly, through which
+//!   the environment is seen and the sun gets in.
 //! - Motions (`tcMod scroll`, `deformVertexes` …) stand still, waves are at their mean, animations show their first image;
 //!   `detail` stages are left out.
 //!
@@ -205,7 +209,7 @@ impl Map<'_> {
             context.warn(self.place.clone(), message, "put the game's scripts into the folder `scripts`");
             return Ok(());
         };
-        let environment = sky::environment(context, images, self.place, shader, baked)?;
+        let environment = sky::environment(context, images, self.place, shader)?;
         if environment != Environment::None {
             builder.environment(environment);
         }
@@ -231,7 +235,14 @@ impl Map<'_> {
             Dressed { uses: vec![Use::NotDrawn; self.textures.len()], materials: BTreeMap::new() };
         for texture in self.textures_of_faces(models)? {
             dressed.uses[texture] = if self.is_sky(texture) {
-                Use::Sky
+                let veil = self.shader(texture).filter(|_| !baked);
+                let veil = veil.map(|shader| maker.veil(context, self.place, shader)).transpose()?.flatten();
+                let veiled = veil.is_some();
+                if let Some(veil) = veil {
+                    context.count_materials(1, self.place)?;
+                    dressed.materials.insert(texture, builder.material(veil));
+                }
+                Use::Sky { veiled }
             } else if self.is_drawn(texture) {
                 context.count_materials(1, self.place)?;
                 context.charge(size_of::<Material>() as u64, self.place)?;
@@ -336,7 +347,7 @@ impl Map<'_> {
         let Tally { polygons, patches, meshes, flares, sky, not_drawn } = tally;
         let message = format!(
             "shown: {polygons} polygons, {patches} patches, {meshes} meshes; left out: {flares} flares, \
-             {not_drawn} faces that are not drawn, {sky} of the sky, which is the environment"
+             {not_drawn} faces that are not drawn, {sky} of the sky"
         );
         context.note(self.place.clone(), message, "");
         let fogs = self.lumps.count(Lump::Effects);

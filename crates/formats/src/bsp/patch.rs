@@ -192,7 +192,7 @@ impl Piece {
         [column, row]
     }
 
-    /// Adds vertices and triangles, whose front is where the game has it.
+    /// Adds vertices and triangles. They run clockwise in front, as those of the game do.
     pub(super) fn triangulate(&self, points: &mut Vec<Point>, triangles: &mut Vec<[u32; 3]>) {
         let [m, n] = self.cuts;
         let first = points.len() as u32;
@@ -207,7 +207,7 @@ impl Piece {
             for column in 0..m {
                 let [a, b] = [index(column, row), index(column + 1, row)];
                 let [c, d] = [index(column, row + 1), index(column + 1, row + 1)];
-                let cell = [[a, b, c], [b, d, c]];
+                let cell = [[a, c, b], [b, c, d]];
                 triangles.extend(cell.into_iter().filter(|[a, b, c]| a != b && b != c && c != a));
             }
         }

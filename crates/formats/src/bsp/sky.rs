@@ -6,9 +6,8 @@ use std::sync::{Arc, LazyLock};
 use glam::{Mat3, Vec2, Vec3};
 use heliostat_scene::{Environment, EnvironmentMap, Image, Pixels};
 
-use super::images::{Images, mean};
+use super::images::Images;
 use super::script::{Blend, Map, Shader, Sky, Stage};
-use super::units;
 use crate::context::Context;
 use crate::error::LoadError;
 use crate::image::pixels::srgb_to_linear;
@@ -31,8 +30,7 @@ struct Layer<'a> {
     image: Arc<Image>,
 }
 
-/// The environment that a sky shader stands for: its picture, as bright as `q3map_surfacelight` says or, without it, as
-/// on the screen. Without any image it is that light alone.
+/// The environment that a sky shader stands for: its picture, as bright as on the screen; none without any image.
 ///
 /// # Errors
 /// When images exceed the limits.
@@ -41,9 +39,7 @@ pub(super) fn environment(
     images: &mut Images,
     place: &Place,
     shader: &Shader,
-    baked: bool,
 ) -> Result<Environment, LoadError> {
-    let light = if baked { 0.0 } else { units::surface_light(shader.surface_light) };
     let sky = shader.sky.clone().unwrap_or_default();
     let mut far = Vec::new();
     if let Some(name) = &sky.far_box {
@@ -60,9 +56,7 @@ pub(super) fn environment(
         }
     }
     if layers.is_empty() && far.iter().all(Option::is_none) {
-        let radiance = Vec3::splat(light);
-        let dark = radiance == Vec3::ZERO || !radiance.is_finite();
-        return Ok(if dark { Environment::None } else { Environment::Constant(radiance) });
+        return Ok(Environment::None);
     }
     let [width, height] = SIZE;
     context.charge(16 * u64::from(width) * u64::from(height), place)?;
@@ -75,11 +69,9 @@ pub(super) fn environment(
         }
     }
     let image = Image::rgba_f32(width, height, values);
-    let brightest = mean(&image).max_element();
-    let scale = if light > 0.0 && brightest > 0.0 { light / brightest } else { 1.0 };
     Ok(Environment::Map(EnvironmentMap {
         image: Arc::new(image),
-        scale: Vec3::splat(scale.min(f32::MAX)),
+        scale: Vec3::ONE,
         world_from_environment: Mat3::IDENTITY,
     }))
 }
