@@ -179,7 +179,7 @@ impl Materials<'_> {
         let emissive = units::surface_light(shader.surface_light) * hue;
         let shines = emissive.is_finite() && emissive.max_element() > 0.0;
         let sheet = Material { name: shader.name.clone(), specular: 0.0, emissive, ..Material::default() };
-        Ok(shines.then(|| Material { transmission: 1.0, roughness: 0.0, ..sheet }))
+        Ok(shines.then_some(Material { transmission: 1.0, roughness: 0.0, ..sheet }))
     }
 
     /// What shines: images added on top, surfaces without light on them, and light that the compiler was told of.

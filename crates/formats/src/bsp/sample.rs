@@ -143,8 +143,4 @@ impl Sample {
         \t\ttcMod scale 2 2\n\t\ttcMod scroll 1 0\n\t}\n}\ntextures/a/sky\n{\n\tsurfaceparm sky\n\
         \tq3map_sun 1 1 0.5 150 30 60\n\tq3map_surfacelight 100\n\tskyParms full 512 -\n\t{\n\
         \t\tmap textures/a/stone.tga\n\t}\n}\n";
-
-    /// A picture for it: uncompressed TGA of 2×1 pixels, orange and blue.
-    pub(crate) const IMAGE: [u8; 24] =
-        [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 1, 0, 24, 0, 0, 128, 255, 255, 0, 0];
 }

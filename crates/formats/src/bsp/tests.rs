@@ -10,10 +10,13 @@ use super::patch::{Piece, Point, TOLERANCE, pieces};
 use super::sample::Sample;
 use crate::{Limits, Loaded, Memory, NoFiles, load_bytes};
 
+/// Uncompressed TGA of 2×1 pixels, orange and blue.
+const IMAGE: [u8; 24] = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 1, 0, 24, 0, 0, 128, 255, 255, 0, 0];
+
 fn files(script: &str) -> Memory {
     let mut files = BTreeMap::new();
     files.insert("../scripts/a.shader".to_owned(), script.as_bytes().to_vec());
-    files.insert("../textures/a/stone.tga".to_owned(), Sample::IMAGE.to_vec());
+    files.insert("../textures/a/stone.tga".to_owned(), IMAGE.to_vec());
     Memory(files)
 }
 
@@ -124,7 +127,7 @@ fn names_do_not_lead_out_of_the_folder() {
     map.floor(4, -1, [0.0; 3], 8.0);
     map.model();
     let mut files = files("").0;
-    files.insert("../textures/../../secret.tga".to_owned(), Sample::IMAGE.to_vec());
+    files.insert("../textures/../../secret.tga".to_owned(), IMAGE.to_vec());
     let loaded = load_bytes("game/maps/a.bsp", &map.bytes(), &Memory(files), &Limits::default()).unwrap();
     let told: Vec<_> = loaded.diagnostics.iter().map(|d| d.message.as_str()).collect();
     assert!(told.iter().any(|t| t.contains("1 names of images lead out")), "{told:#?}");
@@ -135,7 +138,7 @@ fn the_folder_of_the_game_is_above_that_of_maps_or_the_maps_own() {
     let map = Sample::everything().bytes();
     let found = |name: &str, root: &str| {
         let image = format!("{root}TEXTURES/a/Stone.tga");
-        let files = Memory([(image, Sample::IMAGE.to_vec())].into());
+        let files = Memory([(image, IMAGE.to_vec())].into());
         let loaded = load_bytes(name, &map, &files, &Limits::default()).unwrap();
         loaded.diagnostics.iter().any(|d| d.message.starts_with("1 images found"))
     };
