@@ -269,6 +269,12 @@ fn maps_have_the_faces_lights_and_images_of_their_files() {
         assert_eq!(scene.lights().len() - suns, lights, "{file}");
         assert_eq!((scene.cameras().len(), scene.objects().len()), (cameras, objects), "{file}");
         fronts_agree_with_normals(file, &scene);
+        let limits = Limits { lightmaps: true, ..Limits::default() };
+        let baked = load(&folder.join(file), &limits).unwrap();
+        let mut scene = Scene::default();
+        scene.apply(&baked.edits).unwrap();
+        println!("{file}: {} triangles with baked light", shown_triangles(&scene));
+        assert!(scene.lights().is_empty() && shown_triangles(&scene) < 2_000_000, "{file}");
     }
 }
 

@@ -1,9 +1,9 @@
 //! Maps of Quake III Arena and games made of it: BSP, version 46 (`IBSP`).
 //!
 //! All four kinds of faces are read: polygons, Bézier patches, meshes, and flares, which are sprites of the game and left
-//! out. Patches are cut to 0.25 units (8 mm). The world is one object, each moving part (`func_door` and the like) another
-//! with an instance where it rests: doors are closed, nothing moves. Trees, brushes, visibility, fog and the light grid are
-//! what the game needs and a ray tracer does not.
+//! out. Patches are cut to 0.25 units (8 mm; coarser where straight borders bound a strong twist). The world is one
+//! object, each moving part (`func_door` and the like) another with an instance where it rests: doors are closed, nothing
+//! moves. Trees, brushes, visibility, fog and the light grid are what the game needs and a ray tracer does not.
 //!
 //! 32 units become a metre (players are 56 units tall), +Z up becomes +Y up.
 //!
