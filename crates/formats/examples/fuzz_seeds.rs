@@ -9,6 +9,9 @@ use exr::prelude::{
 };
 use image::{DynamicImage, ImageFormat, RgbImage};
 
+#[path = "../src/bsp/sample.rs"]
+mod sample;
+
 /// Writes a file: target, name, bytes.
 type Put = dyn Fn(&str, &str, &[u8]) -> std::io::Result<()>;
 
@@ -25,6 +28,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     for (number, text) in AFF.iter().enumerate() {
         put("aff", &format!("seed{number}"), text.as_bytes())?;
+    }
+    for (name, script) in [("scripted", sample::Sample::SCRIPT), ("plain", "")] {
+        let mut bytes = (script.len() as u16).to_le_bytes().to_vec();
+        bytes.extend(script.as_bytes());
+        bytes.extend(sample::Sample::everything().bytes());
+        put("bsp", name, &bytes)?;
     }
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     for (number, text) in PLY.iter().enumerate() {

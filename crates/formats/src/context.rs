@@ -119,6 +119,11 @@ impl<'a> Context<'a> {
         Ok(bytes)
     }
 
+    /// The names of the files in a folder beside the loaded one.
+    pub(crate) fn list(&self, folder: &str) -> Vec<String> {
+        self.source.list(folder)
+    }
+
     /// Decompresses gzip data, bounded by the limits.
     pub(crate) fn gunzip(&mut self, file: &Arc<str>, bytes: &[u8]) -> Result<Vec<u8>, LoadError> {
         let limit = self.limits.file_bytes.min(self.memory_left());

@@ -10,9 +10,10 @@
 //! | Stanford PLY (`.ply`) | see [`ply`](mod@crate::ply) |
 //! | Animated File Format of BART (`.aff`) | see [`aff`](mod@crate::aff) |
 //! | Neutral File Format of the SPD (`.nff`) | see [`nff`](mod@crate::nff) |
+//! | Quake III Arena maps (`.bsp`) | see [`bsp`](mod@crate::bsp) |
 //!
 //! Text formats and PLY may be compressed (`.gz`). Scenes keep the up axis of the file, which is +Y by rule or custom;
-//! NFF is turned to it.
+//! NFF and BSP are turned to it.
 //!
 //! Nothing here panics on bad input or takes more than the [`Limits`] allow; the edits of a successful load are
 //! accepted by an empty `Scene`.
@@ -35,6 +36,7 @@ use std::sync::Arc;
 use heliostat_scene::{Edit, Material, Timeline};
 
 pub mod aff;
+pub mod bsp;
 mod context;
 mod diagnostic;
 mod error;
@@ -108,6 +110,7 @@ pub fn load_bytes(
     let still = |edits| (edits, Timeline::default());
     let (edits, timeline) = match Format::recognise(&file, name, &bytes)? {
         Format::Aff => aff::load(&mut context, &file, &bytes)?,
+        Format::Bsp => still(bsp::load(&mut context, &file, &bytes)?),
         Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
         Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
         Format::Nff => still(nff::load(&mut context, &file, &bytes)?),
@@ -121,6 +124,7 @@ pub fn load_bytes(
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Aff,
+    Bsp,
     Glb,
     Gltf,
     Nff,
@@ -135,6 +139,9 @@ impl Format {
         if bytes.starts_with(b"glTF") {
             return Ok(Self::Glb);
         }
+        if bytes.starts_with(b"IBSP") {
+            return Ok(Self::Bsp);
+        }
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             return Ok(Self::Ply);
         }
@@ -144,6 +151,7 @@ impl Format {
         let extension = name.rsplit_once('.').map_or("", |(_, e)| e).to_ascii_lowercase();
         let expected = match extension.as_str() {
             "gltf" => "a JSON document, which starts with `{`",
+            "bsp" => "a map of Quake III Arena, which starts with `IBSP`",
             "glb" => "binary glTF, which starts with `glTF`",
             "ply" => "a PLY file, which starts with `ply`",
             "obj" => return Ok(Self::Obj),
@@ -154,7 +162,7 @@ impl Format {
             _ => {
                 let problem =
                     if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
-                let hint = "give a glTF (.gltf, .glb), OBJ, PLY, NFF or AFF file";
+                let hint = "give a glTF (.gltf, .glb), OBJ, PLY, NFF, AFF or BSP file";
                 return Err(LoadError::unsupported(Place::whole(file), problem, hint));
             }
         };

@@ -24,6 +24,8 @@ pub struct Limits {
     pub materials: u64,
     /// Detail level of AFF scenes: files of a higher level are left out. Default: what the file says, or 0.
     pub detail_level: Option<u32>,
+    /// BSP maps: show the light that is baked into the map instead of lights. Default: no.
+    pub lightmaps: bool,
     /// Diagnostics kept; how many more there were is said in one further note. Default 100.
     pub diagnostics: usize,
 }
@@ -41,6 +43,7 @@ impl Default for Limits {
             nesting: 1024,
             materials: 1_000_000,
             detail_level: None,
+            lightmaps: false,
             diagnostics: 100,
         }
     }

@@ -17,6 +17,13 @@ pub trait FileSource {
     /// # Errors
     /// [`SourceError`] when there is no such file, it is too large or cannot be read.
     fn read(&self, relative: &str, max_bytes: u64) -> Result<Vec<u8>, SourceError>;
+
+    /// The names of the files in the folder called `relative`, sorted; none where there is no such folder or the
+    /// source cannot tell. For formats that take what lies in a folder without naming it.
+    fn list(&self, relative: &str) -> Vec<String> {
+        let _ = relative;
+        Vec::new()
+    }
 }
 
 /// Why a [`FileSource`] did not deliver.
@@ -71,6 +78,14 @@ impl FileSource for Memory {
         }
         Ok(bytes.clone())
     }
+
+    fn list(&self, relative: &str) -> Vec<String> {
+        let inside = |name: &String| {
+            let (folder, file) = name.rsplit_once('/')?;
+            folder.eq_ignore_ascii_case(relative).then(|| file.to_owned())
+        };
+        self.0.keys().filter_map(inside).collect()
+    }
 }
 
 impl FileSource for Directory {
@@ -78,7 +93,22 @@ impl FileSource for Directory {
         let path = self.find(relative).ok_or(SourceError::NotFound)?;
         read_file(&path, max_bytes)
     }
+
+    fn list(&self, relative: &str) -> Vec<String> {
+        let Some(folder) = self.follow(relative) else { return Vec::new() };
+        let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+        let is_file = |entry: &std::fs::DirEntry| entry.path().is_file();
+        let mut names: Vec<String> = entries
+            .filter_map(|entry| entry.ok().filter(is_file)?.file_name().into_string().ok())
+            .take(MOST_LISTED)
+            .collect();
+        names.sort_unstable();
+        names
+    }
 }
+
+/// Most files that [`Directory`] lists of a folder.
+const MOST_LISTED: usize = 100_000;
 
 impl Directory {
     fn find(&self, relative: &str) -> Option<PathBuf> {
@@ -87,18 +117,23 @@ impl Directory {
         as_written.or_else(|| self.find_below(relative.rsplit('/').next()?))
     }
 
-    /// Follows `relative` from the directory, each component exactly or else without regard to case.
+    /// The file that `relative` leads to from the directory.
     fn find_below(&self, relative: &str) -> Option<PathBuf> {
         let exact = self.0.join(relative);
         if exact.is_file() {
             return Some(exact);
         }
+        self.follow(relative).filter(|path| path.is_file())
+    }
+
+    /// A file or folder below the directory, each component exactly or else without regard to case.
+    fn follow(&self, relative: &str) -> Option<PathBuf> {
         let mut path = self.0.clone();
         for component in relative.split('/').filter(|c| !c.is_empty() && *c != ".") {
             let next = path.join(component);
             path = if next.exists() { next } else { entry_ignoring_case(&path, component)? };
         }
-        path.is_file().then_some(path)
+        Some(path)
     }
 }
 
@@ -170,6 +205,9 @@ mod tests {
         assert!(matches!(read("none.png"), Err(SourceError::NotFound)));
         assert!(matches!(read("Textures"), Err(SourceError::NotFound)));
         assert!(matches!(source.read("flat.png", 3), Err(SourceError::TooLarge { limit: 3 })));
+        assert_eq!(source.list("textures"), ["Wood.PNG"]);
+        assert_eq!(source.list(".."), ["shared.bin"]);
+        assert_eq!(source.list("none"), [""; 0]);
         std::fs::remove_dir_all(folder).unwrap();
     }
 

@@ -27,7 +27,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for path in entries {
         if path.is_dir() {
             files(&path, found);
-        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz", ".nff"]
+        } else if [".gltf", ".glb", ".obj", ".ply", ".ply.gz", ".nff", ".bsp"]
             .iter()
             .any(|e| path.to_string_lossy().ends_with(e))
         {
@@ -233,4 +233,65 @@ fn environment_maps_are_read() {
         assert!(values.iter().all(|v| v.is_finite()) && lowest > -0.01, "{name}: {lowest}");
         assert!(values.iter().any(|v| *v > 1.5), "{name} has nothing bright in it");
     }
+}
+
+#[test]
+fn maps_have_the_faces_lights_and_images_of_their_files() {
+    let Some(folder) = scenes("maps_have_the_faces_lights_and_images_of_their_files") else { return };
+    for (file, faces, images, lights, suns, cameras, objects) in [
+        (
+            "quake3-aggressor/maps/aggressor.bsp",
+            "shown: 1206 polygons, 0 patches, 0 meshes; left out: 74 flares, 0 faces that are not drawn, 3 of the sky",
+            "26 images found, 0 missing",
+            84,
+            1,
+            7,
+            1,
+        ),
+        (
+            "quake3-kaos/maps/kaos.bsp",
+            "shown: 3421 polygons, 193 patches, 0 meshes; left out: 502 flares, 0 faces that are not drawn, 36 of the sky",
+            "60 images found, 0 missing",
+            30,
+            1,
+            13,
+            6,
+        ),
+    ] {
+        let (loaded, scene) = applied(&folder.join(file));
+        let told: Vec<_> = loaded.diagnostics.iter().map(|d| d.message.as_str()).collect();
+        assert!(told.iter().any(|t| t.starts_with(faces)), "{file}: {told:#?}");
+        assert!(told.iter().any(|t| t.starts_with(images)), "{file}: {told:#?}");
+        let is_sun = |light: &&heliostat_scene::Light| {
+            matches!(light.kind, heliostat_scene::LightKind::Directional { .. })
+        };
+        assert_eq!(scene.lights().values().filter(is_sun).count(), suns, "{file}");
+        assert_eq!(scene.lights().len() - suns, lights, "{file}");
+        assert_eq!((scene.cameras().len(), scene.objects().len()), (cameras, objects), "{file}");
+        fronts_agree_with_normals(file, &scene);
+        let limits = Limits { lightmaps: true, ..Limits::default() };
+        let baked = load(&folder.join(file), &limits).unwrap();
+        let mut scene = Scene::default();
+        scene.apply(&baked.edits).unwrap();
+        println!("{file}: {} triangles with baked light", shown_triangles(&scene));
+        assert!(scene.lights().is_empty() && shown_triangles(&scene) < 2_000_000, "{file}");
+    }
+}
+
+/// The front of each triangle is the side of its vertices' normals, but for slivers.
+fn fronts_agree_with_normals(file: &str, scene: &Scene) {
+    let (mut agree, mut all) = (0, 0);
+    for mesh in scene.geometries().values().filter_map(Geometry::as_mesh) {
+        for triangle in mesh.indices.iter() {
+            let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
+            let normal: Vec3 = triangle.iter().map(|&i| mesh.normals[i as usize]).sum();
+            let cross = (b - a).cross(c - a);
+            let is_sliver = cross.length() < 1e-4 * (b - a).length_squared().max((c - b).length_squared());
+            agree += usize::from(is_sliver || cross.dot(normal) > 0.0);
+            all += 1;
+        }
+    }
+    println!("{file}: {agree} of {all} triangles");
+    // At creases of patches, narrow triangles lean against the mean of their vertices' normals.
+    assert!(agree * 1000 >= all * 999, "{file}: {agree} of {all}");
 }
