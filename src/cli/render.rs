@@ -83,6 +83,9 @@ pub(super) struct Arguments {
     /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
     #[arg(long, value_name = "X", default_value_t = 2.0)]
     clamp: f32,
+    /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
+    #[arg(long)]
+    no_compensation: bool,
     /// Show materials as they are, or all as diffuse
     #[arg(long, default_value = "as-is")]
     materials: Materials,
@@ -318,6 +321,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             interleave: [arguments.interleave.width, arguments.interleave.height],
             filter: !arguments.no_filter,
             clamp: arguments.clamp,
+            compensate: !arguments.no_compensation,
         },
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)

@@ -192,6 +192,7 @@ impl Engine {
             interleave: options.interleave,
             filter: options.filter,
             clamp: options.clamp,
+            compensate: options.compensate,
         };
         let frame = IgiFrame::new(view, settings, igi);
         let size = film.size();

@@ -47,12 +47,14 @@ pub struct IgiOptions {
     pub filter: bool,
     /// A virtual point light adds at most this many times the typical irradiance of its set; infinity bounds nothing.
     pub clamp: f32,
+    /// Whether short rays give back the light that `clamp` takes away.
+    pub compensate: bool,
 }
 
 impl Default for IgiOptions {
-    /// 3×3 sets of 8 paths, filtered, bounded at twice the typical irradiance.
+    /// 3×3 sets of 8 paths, filtered, bounded at twice the typical irradiance, with the rest given back.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0 }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0, compensate: true }
     }
 }
 

@@ -27,6 +27,8 @@ mod placement;
 mod point;
 mod quadric;
 mod receive;
+#[cfg(test)]
+mod same_bits;
 mod sampler;
 pub mod sampling;
 mod scene;
@@ -48,7 +50,7 @@ pub use packet::{Illumination, Scattered, Scattering};
 pub use placement::{Placement, ShadedPart, Sweep};
 pub use point::{Arrival, Points};
 pub use quadric::kernel_quadric;
-pub use receive::{Received, Taking};
+pub use receive::{PointLight, Received, Taking};
 pub use sampler::{Sampler, points};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{

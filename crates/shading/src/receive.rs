@@ -33,7 +33,30 @@ pub struct Taking {
     pub gloss: Selection,
 }
 
+/// Light from a source at one point, before the surface's cosine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// Unit vector towards the light.
+    pub wi: Vec3,
+    /// What the source sends: radiance times area, or irradiance.
+    pub radiance: Vec3,
+    /// What of that arrives on a surface that faces it: cos / distance² for patches, 1/m².
+    pub facing: f32,
+    /// How far shadow rays go, metres.
+    pub distance: f32,
+    /// Whether the source is a patch, which stands for an area that may be near.
+    pub is_near: bool,
+}
+
 impl Source {
+    /// Light at one point.
+    pub fn light(&self, at: Vec3) -> PointLight {
+        let (wi, (radiance, facing)) = arriving::<f32>((), self, at.into());
+        let distance = self.origin().map_or(f32::INFINITY, |origin| origin.distance(at) * (1.0 - 1e-4));
+        let is_near = matches!(self, Self::Patch { .. });
+        PointLight { wi: wi.into(), radiance: radiance.into(), facing, distance, is_near }
+    }
+
     /// Where shadow rays to points start; `None` if the light comes from infinitely far away.
     pub fn origin(&self) -> Option<Vec3> {
         match *self {

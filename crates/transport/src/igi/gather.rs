@@ -7,24 +7,29 @@ use heliostat_shading::lanes::WIDTH;
 use heliostat_shading::{Received, Surfaces, Taking};
 
 use super::Gathered;
+use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
 use crate::eye::{Arrived, DULL, Lighting};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
+/// Which of a vertex's sample points find the light that bounds take away.
+const RESIDUAL_SLOT: u32 = 2;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
 /// Points that wait for the end of their group.
 #[derive(Debug, Default)]
-struct Block {
-    surfaces: Surfaces,
-    count: usize,
+pub(super) struct Block {
+    pub(super) surfaces: Surfaces,
+    pub(super) count: usize,
     pixels: [u32; WIDTH],
     /// What the eye sees of the point; zero for lanes without one.
-    weights: [Vec3; WIDTH],
+    pub(super) weights: [Vec3; WIDTH],
     edges: [u32; WIDTH],
-    irradiance: [Vec3; WIDTH],
+    /// Sample points for the light that bounds take away.
+    pub(super) points: [[f32; 4]; WIDTH],
+    pub(super) irradiance: [Vec3; WIDTH],
     gloss: [Vec3; WIDTH],
 }
 
@@ -46,7 +51,7 @@ pub(super) struct ByVpls<'a> {
     max_edges: u32,
     /// What the pixels of the region have received in this pass.
     pub(super) gathered: Vec<Gathered>,
-    pub(super) traced: u64,
+    traced: u64,
     blocks: Vec<Block>,
     used: usize,
     received: Received,
@@ -56,11 +61,13 @@ pub(super) struct ByVpls<'a> {
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     shadows: ShadowBatch,
+    compensate: bool,
+    residual: Residual,
 }
 
 impl<'a> ByVpls<'a> {
     /// `groups` says which set lights each pixel.
-    pub(super) fn new(groups: &'a [u8], group_count: usize, max_edges: u32) -> Self {
+    pub(super) fn new(groups: &'a [u8], group_count: usize, max_edges: u32, compensate: bool) -> Self {
         Self {
             vpls: None,
             groups,
@@ -77,16 +84,28 @@ impl<'a> ByVpls<'a> {
             rays: Vec::new(),
             hits: Vec::new(),
             shadows: ShadowBatch::default(),
+            compensate,
+            residual: Residual::default(),
         }
     }
 
+    /// Rays traced for light so far.
+    pub(super) fn traced(&self) -> u64 {
+        self.traced + self.shadows.traced() + self.residual.shadow_rays()
+    }
+
     /// Light from one source for the blocks from `start` to `end`, which have at most a tile's worth of lanes.
-    fn light<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, vpl: &Vpl, (start, end): (usize, usize)) {
+    fn light<Q: RayQuery + ?Sized>(
+        &mut self,
+        view: &View<'_, Q>,
+        (vpl, bound): (&Vpl, f32),
+        (start, end): (usize, usize),
+    ) {
         let origin = vpl.source.origin();
         self.tile.restart(origin.unwrap_or_default());
         self.pending.clear();
         self.rays.clear();
-        let taking = Taking { bound: vpl.bound, gloss: DULL };
+        let taking = Taking { bound, gloss: DULL };
         for index in start..end {
             let block = &self.blocks[index];
             block.surfaces.receive(&vpl.source, &taking, block.count, &mut self.received);
@@ -216,6 +235,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         block.count = arrived.count;
         for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
+            block.points[lane] = ray.points(RESIDUAL_SLOT);
         }
         (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
     }
@@ -226,8 +246,12 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         for start in (0..self.used).step_by(BLOCKS) {
             let end = (start + BLOCKS).min(self.used);
             for vpl in &vpls.sets[group] {
-                self.light(view, vpl, (start, end));
+                self.light(view, (vpl, vpls.bound), (start, end));
             }
+        }
+        if self.compensate {
+            let blocks = &mut self.blocks[..self.used];
+            self.traced += self.residual.add(view, &vpls.sets[group], vpls.bound, blocks);
         }
         for index in 0..self.used {
             self.deliver(index);

@@ -10,6 +10,7 @@
 
 mod discontinuity;
 mod gather;
+mod residual;
 mod vpl;
 
 use std::sync::OnceLock;
@@ -38,12 +39,14 @@ pub struct IgiSettings {
     pub filter: bool,
     /// A virtual point light adds at most this many times the typical irradiance of its set.
     pub clamp: f32,
+    /// Whether short rays give back what the bound takes away.
+    pub compensate: bool,
 }
 
 impl Default for IgiSettings {
-    /// 3×3 sets of 8 paths, filtered.
+    /// 3×3 sets of 8 paths, filtered, with what the bound takes away given back.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0 }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0, compensate: true }
     }
 }
 
@@ -124,7 +127,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         let [n, m] = self.igi.interleave;
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
-        let lighting = ByVpls::new(&groups, (n * m) as usize, max_edges);
+        let lighting = ByVpls::new(&groups, (n * m) as usize, max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
         let mut traced = 0;
         for pass in 0..self.settings.samples {
@@ -137,7 +140,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
                 break;
             }
         }
-        traced + walk.lighting.traced
+        traced + walk.lighting.traced()
     }
 
     /// Rays traced for virtual point lights so far.

@@ -26,14 +26,14 @@ pub(crate) struct Vpl {
     pub(crate) source: Source,
     /// Edges of the light path before it.
     pub(crate) bounces: u32,
-    /// Largest geometric term that it may have, 1/m².
-    pub(crate) bound: f32,
 }
 
 /// The virtual point lights of one pass, a set for every pixel of the interleaving pattern.
 #[derive(Debug)]
 pub(crate) struct VplSets {
     pub(crate) sets: Vec<Vec<Vpl>>,
+    /// Largest geometric term that a patch may have, 1/m².
+    pub(crate) bound: f32,
     /// Rays traced to make them.
     pub(crate) rays: u64,
 }
@@ -68,7 +68,7 @@ struct Walker {
 impl VplSets {
     /// Draws all paths, wave by wave.
     pub(crate) fn new<Q: RayQuery + ?Sized>(view: &View<'_, Q>, plan: &PathPlan) -> Self {
-        let mut result = Self { sets: vec![Vec::new(); plan.sets as usize], rays: 0 };
+        let mut result = Self { sets: vec![Vec::new(); plan.sets as usize], bound: f32::INFINITY, rays: 0 };
         let mut walkers = Vec::new();
         for set in 0..plan.sets {
             for path in 0..plan.paths {
@@ -87,9 +87,7 @@ impl VplSets {
             let arrived = walkers.into_iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
             walkers = arrived.filter_map(|(walker, hit)| result.bounce(view, plan, walker, hit)).collect();
         }
-        for set in &mut result.sets {
-            bound(set, plan.clamp);
-        }
+        result.bound = bound(&result.sets, plan.clamp);
         result
     }
 
@@ -104,7 +102,7 @@ impl VplSets {
         let [u_direction, v_direction, ..] = points(plan, index, 1);
         let (source, ray) = view.scene.emit([choice, triangle, u, v, u_direction, v_direction])?;
         let share = 1.0 / plan.paths as f32;
-        self.sets[set as usize].push(Vpl { source: scaled(source, share), bounces: 0, bound: f32::INFINITY });
+        self.sets[set as usize].push(Vpl { source: scaled(source, share), bounces: 0 });
         let EmittedRay { origin, direction, flux } = ray.filter(|_| plan.max_bounces > 0)?;
         Some(Walker {
             set,
@@ -150,11 +148,7 @@ impl VplSets {
                 normal: surface.ng().into(),
                 radiance,
             };
-            self.sets[walker.set as usize].push(Vpl {
-                source,
-                bounces: walker.bounces,
-                bound: f32::INFINITY,
-            });
+            self.sets[walker.set as usize].push(Vpl { source, bounces: walker.bounces });
         }
         if walker.bounces >= plan.max_bounces.min(MAX_BOUNCES) {
             return None;
@@ -198,35 +192,42 @@ fn scaled(source: Source, share: f32) -> Source {
     }
 }
 
-/// Bounds every patch so that it adds at most `clamp` times the mean irradiance: the mean over the patches themselves,
-/// which lie where there is light. Others in the way are not asked for.
-fn bound(set: &mut [Vpl], clamp: f32) {
-    let patches: Vec<(Vec3, Vec3, f32)> = set
-        .iter()
-        .filter_map(|vpl| match vpl.source {
+/// A bound of the geometric term with which the patch of mean power adds `clamp` times the typical irradiance of a set:
+/// the median over patches themselves, which lie where there is light. What stands in the way is not asked for.
+fn bound(sets: &[Vec<Vpl>], clamp: f32) -> f32 {
+    /// Patches that are asked for their irradiance, over all sets.
+    const MOST: usize = 256;
+    let patches = |set: &[Vpl]| -> Vec<(Vec3, Vec3, f32)> {
+        let patch = |vpl: &Vpl| match vpl.source {
             Source::Patch { position, normal, radiance, .. } => Some((position, normal, luminance(radiance))),
             _ => None,
-        })
-        .collect();
-    let mut irradiances: Vec<f32> = patches
-        .iter()
-        .map(|&(x, nx, _)| {
-            let from = |&(y, ny, radiance): &(Vec3, Vec3, f32)| {
-                let d = y - x;
-                let cosines = nx.dot(d).max(0.0) * -ny.dot(d).min(0.0);
-                // The squared distances of the cosines and of the fall-off.
-                if cosines > 0.0 { radiance * cosines / d.length_squared().powi(2).max(1e-12) } else { 0.0 }
-            };
-            patches.iter().map(from).sum()
-        })
-        .collect();
-    // The median: a pair that happens to be close counts once.
-    irradiances.sort_unstable_by(f32::total_cmp);
-    let typical = irradiances.get(irradiances.len() / 2).copied().unwrap_or(0.0);
-    for vpl in set {
-        if let Source::Patch { radiance, .. } = vpl.source {
-            let limit = clamp * typical / luminance(radiance);
-            vpl.bound = if limit > 0.0 { limit } else { f32::INFINITY };
+        };
+        set.iter().filter_map(patch).collect()
+    };
+    let (mut irradiances, mut power, mut count) = (Vec::new(), 0.0, 0.0);
+    for set in sets {
+        let patches = patches(set);
+        power += patches.iter().map(|p| p.2).sum::<f32>();
+        count += patches.len() as f32;
+        if irradiances.len() < MOST {
+            irradiances.extend(patches.iter().map(|&(x, nx, _)| {
+                patches
+                    .iter()
+                    .map(|&(y, ny, radiance)| radiance * geometric_term((x, nx), (y, ny)))
+                    .sum::<f32>()
+            }));
         }
     }
+    irradiances.sort_unstable_by(f32::total_cmp);
+    let typical = irradiances.get(irradiances.len() / 2).copied().unwrap_or(0.0);
+    let limit = clamp * typical * count / power;
+    if limit > 0.0 { limit } else { f32::INFINITY }
+}
+
+/// cos · cos / distance² of two points with normals that face each other.
+fn geometric_term((x, nx): (Vec3, Vec3), (y, ny): (Vec3, Vec3)) -> f32 {
+    let d = y - x;
+    let cosines = nx.dot(d).max(0.0) * (-ny.dot(d)).max(0.0);
+    // The cosines have not been divided by the distance yet.
+    if cosines > 0.0 { cosines / d.length_squared().powi(2).max(1e-12) } else { 0.0 }
 }
