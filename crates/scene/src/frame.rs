@@ -52,9 +52,9 @@ pub struct IgiOptions {
 }
 
 impl Default for IgiOptions {
-    /// 3×3 sets of 8 paths, filtered, bounded at twice the typical irradiance, with the rest given back.
+    /// 3×3 sets of 8 paths, filtered, bounded at eight times the typical irradiance, with the rest given back.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0, compensate: true }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true }
     }
 }
 

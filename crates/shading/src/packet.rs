@@ -96,6 +96,12 @@ impl Surfaces {
         on_lanes!(self.mode, count, |token, lane| sample::<_>(token, lane, self, u, which, out));
     }
 
+    /// Share of uniform white light that the selected reflecting lobes of the first `count` lanes send towards the viewer; see
+    /// [`Bsdf::albedo_of`](crate::Bsdf::albedo_of).
+    pub fn albedo_of(&self, which: Selection, count: usize, out: &mut Vectors) {
+        on_lanes!(self.mode, count, |token, lane| albedo_of::<_>(token, lane, self, which, out));
+    }
+
     /// Origins for rays that leave towards `directions`, a direction for each of the first `count` lanes.
     pub fn spawn(&self, directions: &Vectors, count: usize, out: &mut Vectors) {
         on_lanes!(self.mode, count, |token, lane| spawn::<_>(token, lane, self, directions, out));
@@ -114,6 +120,17 @@ fn evaluate<F: Real>(
     let value = surfaces.bsdf::<F>(token, lane).evaluate(Vector::load(token, wi, lane), which);
     value.f_cos.store(&mut out.f_cos, lane);
     value.pdf.store(&mut out.pdf, lane);
+}
+
+#[inline(always)]
+fn albedo_of<F: Real>(
+    token: F::Token,
+    lane: usize,
+    surfaces: &Surfaces,
+    which: Selection,
+    out: &mut Vectors,
+) {
+    surfaces.bsdf::<F>(token, lane).albedo_of(which).store(out, lane);
 }
 
 #[inline(always)]

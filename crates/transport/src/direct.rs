@@ -96,6 +96,10 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
         }
     }
 
+    fn find(&mut self, _: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
+        sum.add_radiance(radiance);
+    }
+
     fn finish(&mut self, view: &View<'_, Q>, _: usize, sums: &mut [PixelSum]) {
         self.trace(view, sums);
     }

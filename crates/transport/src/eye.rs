@@ -53,6 +53,8 @@ pub(crate) struct WeightedRay {
     seen: bool,
     /// Which branch of the tree this is: decorrelates the random numbers of siblings.
     branch: u32,
+    /// Largest GGX α of the lobes that sent it.
+    pub(crate) alpha: f32,
 }
 
 impl WeightedRay {
@@ -94,6 +96,9 @@ pub(crate) trait Lighting<Q: ?Sized> {
 
     /// Lights the surfaces of a packet, now or at the end of the group.
     fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]);
+
+    /// Adds light that a ray found by itself.
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum);
 
     /// All packets of a group have been handed over.
     fn finish(&mut self, view: &View<'_, Q>, group: usize, sums: &mut [PixelSum]);
@@ -155,6 +160,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
             passed: 0,
             seen: false,
             branch: 1,
+            alpha: 0.0,
         }
     }
 
@@ -176,7 +182,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
                 ray.cone = ray.cone.advanced(hit.t);
             } else {
                 let radiance = environment(scene, Visits::All, &ray.scattered(hit));
-                sums[ray.pixel as usize].add_radiance(ray.weight * radiance);
+                self.lighting.find(ray, ray.weight * radiance, &mut sums[ray.pixel as usize]);
             }
         }
         let mut shader = std::mem::take(&mut self.shader);
@@ -273,7 +279,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             if emission != Vec3::ZERO {
                 radiance += emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
             }
-            sum.add_radiance(ray.weight * radiance);
+            self.lighting.find(ray, ray.weight * radiance, sum);
             ray.edges += 1;
             if ray.edges >= self.max_edges {
                 ray.weight = Vec3::ZERO;
@@ -317,6 +323,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                     passed_distance: 0.0,
                     passed: 0,
                     branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
+                    alpha: ray.alpha.max(samples.alpha.0[lane]),
                     ..*ray
                 });
             }

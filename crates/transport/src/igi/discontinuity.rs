@@ -13,6 +13,8 @@ use super::Gathered;
 
 /// Normals may differ by this much: cosine.
 const LEAST_COSINE: f32 = 0.9;
+/// The same for surfaces seen in mirrors and through glass.
+const LEAST_MIRRORED_COSINE: f32 = 0.5;
 /// A neighbour may lie off the tangent plane by this share of its distance from the camera.
 const PLANE_DISTANCE: f32 = 0.01;
 
@@ -34,7 +36,7 @@ impl Window<'_> {
         let [n, m] = self.pattern.map(|p| p as i32);
         let center = &self.pixels[(y * self.width + x) as usize];
         if center.strength == 0.0 {
-            return Vec3::ZERO;
+            return center.scattered;
         }
         let scale = PLANE_DISTANCE * center.position.distance(self.eye);
         let (mut irradiance, mut gloss, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
@@ -49,7 +51,7 @@ impl Window<'_> {
                 });
                 if let Some(tap) = tap {
                     irradiance += quotient(tap.reflected, tap.albedo);
-                    gloss += tap.gloss;
+                    gloss += tap.gloss + tap.scattered;
                     count += 1.0;
                 }
             }
@@ -70,9 +72,16 @@ fn sign(step: i32) -> i32 {
 }
 
 fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
-    let off =
-        (b.position - a.position).dot(a.normal).abs().max((b.position - a.position).dot(b.normal).abs());
-    b.strength > 0.0 && a.normal.dot(b.normal) > LEAST_COSINE && off < scale
+    if b.strength == 0.0 || a.straight != b.straight {
+        return false;
+    }
+    let cos = a.normal.dot(b.normal);
+    if !a.straight {
+        // A curved mirror spreads neighbours far apart; what they see still gets much the same light.
+        return cos > LEAST_MIRRORED_COSINE;
+    }
+    let way = b.position - a.position;
+    cos > LEAST_COSINE && way.dot(a.normal).abs().max(way.dot(b.normal).abs()) < scale
 }
 
 /// Channel by channel; zero where there is nothing to divide by.

@@ -3,18 +3,20 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::WIDTH;
+use heliostat_shading::lanes::{Vectors, WIDTH};
 use heliostat_shading::{Received, Surfaces, Taking};
 
 use super::Gathered;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
-use crate::eye::{Arrived, DULL, Lighting};
+use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
 /// Which of a vertex's sample points find the light that bounds take away.
 const RESIDUAL_SLOT: u32 = 2;
+/// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
+const CLEAR_ALPHA: f32 = 1e-2;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
@@ -27,6 +29,10 @@ pub(super) struct Block {
     /// What the eye sees of the point; zero for lanes without one.
     pub(super) weights: [Vec3; WIDTH],
     edges: [u32; WIDTH],
+    /// Of the lobes that virtual point lights light.
+    dull_albedo: Vectors,
+    /// Largest GGX α on the way from the eye.
+    alphas: [f32; WIDTH],
     /// Sample points for the light that bounds take away.
     pub(super) points: [[f32; 4]; WIDTH],
     pub(super) irradiance: [Vec3; WIDTH],
@@ -105,6 +111,9 @@ impl<'a> ByVpls<'a> {
         self.tile.restart(origin.unwrap_or_default());
         self.pending.clear();
         self.rays.clear();
+        // Light straight from its source is left as it is: there are many samples of it, and short rays that find a lamp by
+        // chance are noise.
+        let bound = if vpl.bounces == 0 { f32::INFINITY } else { bound };
         let taking = Taking { bound, gloss: DULL };
         for index in start..end {
             let block = &self.blocks[index];
@@ -192,14 +201,21 @@ impl<'a> ByVpls<'a> {
             let albedo = weight * surfaces.diffuse(lane);
             let point = Gathered {
                 other: Vec3::ZERO,
+                scattered: Vec3::ZERO,
                 reflected: albedo * block.irradiance[lane],
                 albedo,
                 gloss: weight * block.gloss[lane],
                 position: surfaces.position(lane),
                 normal: surfaces.normal(lane),
-                strength: luminance(weight * surfaces.albedo(lane)),
+                // Mirrors stand for themselves only where nothing else is seen in them.
+                strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
+                straight: block.edges[lane] == 1,
             };
-            self.gathered[block.pixels[lane] as usize].meet(point);
+            let pixel = &mut self.gathered[block.pixels[lane] as usize];
+            match block.alphas[lane] > CLEAR_ALPHA {
+                true => pixel.scattered += point.reflected + point.gloss,
+                false => pixel.meet(point),
+            }
         }
     }
 }
@@ -233,11 +249,20 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         self.used += 1;
         block.surfaces.clone_from(surfaces);
         block.count = arrived.count;
+        block.surfaces.albedo_of(DULL, block.count, &mut block.dull_albedo);
         for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
+            block.alphas[lane] = ray.alpha;
             block.points[lane] = ray.points(RESIDUAL_SLOT);
         }
         (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
+    }
+
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
+        match ray.alpha > CLEAR_ALPHA && radiance.is_finite() {
+            true => self.gathered[ray.pixel as usize].scattered += radiance,
+            false => sum.add_radiance(radiance),
+        }
     }
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {

@@ -46,7 +46,7 @@ pub struct IgiSettings {
 impl Default for IgiSettings {
     /// 3×3 sets of 8 paths, filtered, with what the bound takes away given back.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 2.0, compensate: true }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true }
     }
 }
 
@@ -55,6 +55,8 @@ impl Default for IgiSettings {
 pub struct Gathered {
     /// Radiance of points that matter less.
     other: Vec3,
+    /// Radiance that rays found in random directions of rough mirrors and glass.
+    scattered: Vec3,
     /// Light that the point's diffuse lobe reflects, its colour included.
     reflected: Vec3,
     /// The colour: what the pixel sees of the diffuse lobe.
@@ -65,6 +67,8 @@ pub struct Gathered {
     normal: Vec3,
     /// How much the pixel sees of the point; 0 if there is none.
     strength: f32,
+    /// Whether the camera sees it itself rather than in a mirror or through glass.
+    straight: bool,
 }
 
 impl Gathered {
@@ -72,22 +76,25 @@ impl Gathered {
     fn meet(&mut self, mut point: Self) {
         if point.strength > self.strength {
             std::mem::swap(self, &mut point);
-            self.other = point.other;
+            (self.other, self.scattered) = (point.other, point.scattered);
         }
         self.other += point.reflected + point.gloss;
     }
 
     /// Adds a pass; where the point lies is that of the first.
     fn add(&mut self, pass: &Self) {
-        let Self { position, normal, strength, .. } = *if self.strength > 0.0 { &*self } else { pass };
+        let Self { position, normal, strength, straight, .. } =
+            *if self.strength > 0.0 { &*self } else { pass };
         *self = Self {
             other: self.other + pass.other,
+            scattered: self.scattered + pass.scattered,
             reflected: self.reflected + pass.reflected,
             albedo: self.albedo + pass.albedo,
             gloss: self.gloss + pass.gloss,
             position,
             normal,
             strength,
+            straight,
         };
     }
 }

@@ -5,12 +5,14 @@
 //!
 //! # References
 //! Kollig, Keller, "Illumination in the Presence of Weak Singularities", 2004. The light of the surface found comes from
-//! one virtual point light by chance and is bounded again, where the paper recurses.
+//! one virtual point light, chosen in proportion to what each would add, and is bounded again, where the paper recurses. Virtual point lights on light sources
+//! are not bounded: short rays that find a lamp by chance would be noise.
 
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
+use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Floats, Vectors};
-use heliostat_shading::{Cone, Lobes, Scattered, Selection};
+use heliostat_shading::{Cone, Lobes, Scattered, Selection, Surface};
 
 use super::gather::Block;
 use super::vpl::Vpl;
@@ -26,6 +28,8 @@ pub(super) struct Residual {
     /// Block, lane and sample points of each ray.
     of: Vec<(u32, u32, [f32; 4])>,
     hits: Vec<Hit>,
+    /// Running sum of weights, direction, distance and radiance over weight of each light at a surface.
+    lights: Vec<(f32, Vec3, f32, Vec3)>,
     shadows: ShadowBatch,
 }
 
@@ -51,9 +55,11 @@ impl Residual {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
         view.query.intersect(&self.rays, &mut self.hits);
-        for (i, hit) in self.hits.iter().enumerate().filter(|(_, hit)| hit.is_hit()) {
-            let (block, lane, points) = self.of[i];
-            let ray = &self.rays[i];
+        for i in 0..self.hits.len() {
+            let (hit, ray, (block, lane, points)) = (&self.hits[i], &self.rays[i], self.of[i]);
+            if !hit.is_hit() {
+                continue;
+            }
             let normal = blocks[block as usize].surfaces.normal(lane as usize);
             let cosines = normal.dot(ray.direction) * hit.ng.dot(ray.direction).abs();
             let missing = 1.0 - bound * hit.t * hit.t / cosines;
@@ -61,24 +67,10 @@ impl Residual {
                 continue;
             }
             let surface = view.scene.surface(hit, ray, Cone::default());
-            let into = &mut blocks[block as usize].irradiance[lane as usize];
-            *into += Vec3::from(surface.emission) * missing;
             let [_, _, _, u] = points;
-            let Some(vpl) = vpls.get((u * vpls.len() as f32) as usize) else { continue };
-            let (normal, ng) = (Vec3::from(surface.bsdf.normal()), Vec3::from(surface.ng()));
-            let light = vpl.source.light(surface.position.into());
-            let cos = normal.dot(light.wi);
-            if cos <= 0.0 || ng.dot(light.wi) <= 0.0 {
-                continue;
-            }
-            let kept = if light.is_near { (bound / (cos * light.facing)).min(1.0) } else { 1.0 };
-            let albedo = Vec3::from(surface.bsdf.albedo_of(Selection::ALL));
-            let chance = 1.0 / vpls.len() as f32;
-            let radiance = albedo * light.radiance * (light.facing * cos * kept * missing / chance);
-            let radiance = radiance * std::f32::consts::FRAC_1_PI;
-            let origin = surface.spawn(light.wi.into()).into();
-            let shadow = Ray { t_max: light.distance, ..Ray::new(origin, light.wi) };
-            self.shadows.push(shadow, PendingLight { pixel: i as u32, radiance });
+            let Some((wi, distance, radiance)) = self.choose(vpls, bound, &surface, u) else { continue };
+            let shadow = Ray { t_max: distance, ..Ray::new(surface.spawn(wi.into()).into(), wi) };
+            self.shadows.push(shadow, PendingLight { pixel: i as u32, radiance: radiance * missing });
         }
         let of = &self.of;
         self.shadows.trace(view.query, view.scene, |light| {
@@ -86,6 +78,37 @@ impl Residual {
             blocks[block as usize].irradiance[lane as usize] += light.radiance;
         });
         self.rays.len() as u64
+    }
+
+    /// Chooses a virtual point light in proportion to what it would add at a surface if nothing stood between: direction,
+    /// distance and radiance, over the probability of the choice.
+    fn choose(
+        &mut self,
+        vpls: &[Vpl],
+        bound: f32,
+        surface: &Surface<f32>,
+        u: f32,
+    ) -> Option<(Vec3, f32, Vec3)> {
+        let at = surface.position.into();
+        let (normal, ng) = (Vec3::from(surface.bsdf.normal()), Vec3::from(surface.ng()));
+        self.lights.clear();
+        let mut total = 0.0;
+        for vpl in vpls {
+            let light = vpl.source.light(at);
+            let cos = if ng.dot(light.wi) > 0.0 { normal.dot(light.wi).max(0.0) } else { 0.0 };
+            let term = light.facing * cos;
+            let term = if light.is_near && vpl.bounces > 0 { term.min(bound) } else { term };
+            let radiance = light.radiance * (term * std::f32::consts::FRAC_1_PI);
+            let weight = luminance(radiance);
+            if weight > 0.0 && weight.is_finite() {
+                total += weight;
+                self.lights.push((total, light.wi, light.distance, radiance / weight));
+            }
+        }
+        let chosen = self.lights.partition_point(|light| light.0 <= u * total);
+        let &(_, wi, distance, color) = self.lights.get(chosen)?;
+        let albedo = Vec3::from(surface.bsdf.albedo_of(Selection::ALL));
+        Some((wi, distance, albedo * color * total))
     }
 
     /// A short ray for every lane that scatters diffusely.
