@@ -2,9 +2,10 @@
 
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use heliostat_kernel::{Isa, RayQuery, World};
 use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, IgiOptions,
@@ -199,26 +200,41 @@ impl Engine {
         let regions = frame.regions(size.0, size.1);
         progress.start(regions.len() as u64 * u64::from(settings.samples));
         let rays = AtomicU64::new(0);
-        let after_sample = || advance(progress);
-        let picture = Mutex::new(vec![Gathered::default(); size.0 as usize * size.1 as usize]);
-        work_through(self.threads, regions.len(), &|| progress.is_cancelled(), &|index| {
-            let region = &regions[index];
-            let mut sums = vec![PixelSum::default(); region.area()];
-            let mut gathered = vec![Gathered::default(); region.area()];
-            let traced = frame.render(region, &mut sums, &mut gathered, &after_sample);
-            rays.fetch_add(traced, Ordering::Relaxed);
-            film.store(region, &sums);
-            let mut picture = picture.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            for ((x, y), pixel) in region.pixels().zip(gathered) {
-                picture[y as usize * size.0 as usize + x as usize] = pixel;
-            }
-        })?;
-        let picture = picture.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        work_through(self.threads, size.1 as usize, &|| progress.is_cancelled(), &|y| {
-            film.add_row(y as u32, &frame.row(&picture, size, y as u32));
-        })?;
+        let stop = || progress.is_cancelled();
+        let mut picture = vec![Gathered::default(); size.0 as usize * size.1 as usize];
+        let sums: Vec<_> =
+            regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
+        let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
+        for pass in 0..settings.samples {
+            let shared = Mutex::new(&mut picture);
+            work_through(self.threads, regions.len(), &stop, &|index| {
+                let region = &regions[index];
+                let (gathered, traced) = frame.render(region, pass, &mut locked(&sums[index]));
+                rays.fetch_add(traced, Ordering::Relaxed);
+                let mut picture = locked(&shared);
+                for ((x, y), pixel) in region.pixels().zip(gathered) {
+                    picture[y as usize * size.0 as usize + x as usize] = pixel;
+                }
+                progress.advance(1);
+            })?;
+            work_through(self.threads, rows.len(), &stop, &|y| {
+                let light = frame.row(&picture, size, y as u32, pass);
+                locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
+            })?;
+        }
+        for (region, sums) in regions.iter().zip(&sums) {
+            film.store(region, &locked(sums));
+        }
+        for (y, row) in (0..).zip(&rows) {
+            film.add_row(y, &locked(row));
+        }
         Ok(rays.into_inner() + frame.vpl_rays())
     }
+}
+
+/// What a lock holds; a thread that panicked while it held the lock left whole pixels behind.
+fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 /// Counts a sample of a region and says whether to go on.

@@ -50,9 +50,8 @@ struct Pending {
 
 /// Lights groups of pixels, each by a set of virtual point lights.
 pub(super) struct ByVpls<'a> {
-    pub(super) vpls: Option<&'a VplSets>,
+    vpls: &'a VplSets,
     groups: &'a [u8],
-    group_count: usize,
     /// Edges of whole paths.
     max_edges: u32,
     /// What the pixels of the region have received in this pass.
@@ -73,11 +72,10 @@ pub(super) struct ByVpls<'a> {
 
 impl<'a> ByVpls<'a> {
     /// `groups` says which set lights each pixel.
-    pub(super) fn new(groups: &'a [u8], group_count: usize, max_edges: u32, compensate: bool) -> Self {
+    pub(super) fn new(groups: &'a [u8], vpls: &'a VplSets, max_edges: u32, compensate: bool) -> Self {
         Self {
-            vpls: None,
+            vpls,
             groups,
-            group_count,
             max_edges,
             gathered: vec![Gathered::default(); groups.len()],
             traced: 0,
@@ -231,7 +229,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
     const SHARES_MIRRORS: bool = false;
 
     fn groups(&self) -> usize {
-        self.group_count
+        self.vpls.sets.len()
     }
 
     fn group(&self, pixel: u32) -> usize {
@@ -266,7 +264,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
     }
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {
-        let Some(vpls) = self.vpls else { return };
+        let vpls = self.vpls;
         const BLOCKS: usize = Tile::CAPACITY / WIDTH;
         for start in (0..self.used).step_by(BLOCKS) {
             let end = (start + BLOCKS).min(self.used);

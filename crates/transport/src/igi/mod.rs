@@ -28,6 +28,9 @@ use vpl::{PathPlan, VplSets};
 /// Edges of whole paths when the request does not say.
 const DEFAULT_MAX_EDGES: u32 = 24;
 
+/// Passes whose light neighbours share.
+const FILTERED_PASSES: u32 = 16;
+
 /// Parameters of Instant Global Illumination.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IgiSettings {
@@ -80,23 +83,6 @@ impl Gathered {
         }
         self.other += point.reflected + point.gloss;
     }
-
-    /// Adds a pass; where the point lies is that of the first.
-    fn add(&mut self, pass: &Self) {
-        let Self { position, normal, strength, straight, .. } =
-            *if self.strength > 0.0 { &*self } else { pass };
-        *self = Self {
-            other: self.other + pass.other,
-            scattered: self.scattered + pass.scattered,
-            reflected: self.reflected + pass.reflected,
-            albedo: self.albedo + pass.albedo,
-            gloss: self.gloss + pass.gloss,
-            position,
-            normal,
-            strength,
-            straight,
-        };
-    }
 }
 
 /// A frame of Instant Global Illumination in the making.
@@ -122,32 +108,17 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         Region::cover_by(width, height, [16 * n, 16 * m]).collect()
     }
 
-    /// Renders all passes of a region. Both outputs have one entry per pixel in the order of [`Region::pixels`]; the number
-    /// of rays is returned.
-    pub fn render(
-        &self,
-        region: &Region,
-        sums: &mut [PixelSum],
-        gathered: &mut [Gathered],
-        after_sample: &dyn Fn() -> bool,
-    ) -> u64 {
+    /// Renders a pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
+    /// number of rays is returned too.
+    pub fn render(&self, region: &Region, pass: u32, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
         let [n, m] = self.igi.interleave;
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
-        let lighting = ByVpls::new(&groups, (n * m) as usize, max_edges, self.igi.compensate);
+        let lighting = ByVpls::new(&groups, self.vpls(pass), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let mut traced = 0;
-        for pass in 0..self.settings.samples {
-            walk.lighting.vpls = Some(self.vpls(pass));
-            traced += walk_sample(&mut walk, self.view, self.settings, region, pass, sums);
-            for (total, pass) in gathered.iter_mut().zip(&mut walk.lighting.gathered) {
-                total.add(&std::mem::take(pass));
-            }
-            if !after_sample() {
-                break;
-            }
-        }
-        traced + walk.lighting.traced()
+        let traced = walk_sample(&mut walk, self.view, self.settings, region, pass, sums);
+        let traced = traced + walk.lighting.traced();
+        (walk.lighting.gathered, traced)
     }
 
     /// Rays traced for virtual point lights so far.
@@ -172,14 +143,15 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         })
     }
 
-    /// The light that a row of the picture has gathered, filtered if that was asked for: the sum over all passes.
-    /// `gathered` is the whole picture, row by row.
-    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32) -> Vec<Vec3> {
+    /// The light that a row of the picture has gathered in a pass, filtered if that was asked for. `gathered` is the whole
+    /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
+    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32, pass: u32) -> Vec<Vec3> {
+        let filtered = self.igi.filter && pass < FILTERED_PASSES;
         let window = Window {
             pixels: gathered,
             width,
             height,
-            pattern: if self.igi.filter { self.igi.interleave } else { [1, 1] },
+            pattern: if filtered { self.igi.interleave } else { [1, 1] },
             eye: self.view.camera.position(),
         };
         (0..width).map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y)).collect()

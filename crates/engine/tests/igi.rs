@@ -1,0 +1,232 @@
+//! Instant Global Illumination against exact solutions and the reference path tracer, end to end through the backend.
+
+use std::f32::consts::PI;
+use std::num::NonZeroUsize;
+
+use glam::{Affine3A, Vec3};
+use heliostat_engine::{Engine, EngineOptions};
+use heliostat_scene::{
+    Backend, Camera, Environment, Frame, FrameRequest, IgiOptions, Light, LightKind, Material, Mesh,
+    Progress, Projection, SceneBuilder,
+};
+
+fn engine(scene: SceneBuilder, threads: usize) -> Engine {
+    let options = EngineOptions { threads: NonZeroUsize::new(threads), ..EngineOptions::default() };
+    let mut engine = Engine::new(options).expect("an engine");
+    engine.apply(&scene.finish(), &Progress::new()).expect("valid edits");
+    engine
+}
+
+fn render(engine: &mut Engine, request: &FrameRequest) -> Frame {
+    engine.render(request, &Progress::new()).expect("a frame")
+}
+
+fn mean(pixels: &[Vec3]) -> Vec3 {
+    pixels.iter().sum::<Vec3>() / pixels.len() as f32
+}
+
+/// Mean over the pixels of a rectangle of columns and rows.
+fn mean_of(frame: &Frame, columns: std::ops::Range<u32>, rows: std::ops::Range<u32>) -> Vec3 {
+    let pixels: Vec<Vec3> = rows
+        .flat_map(|y| columns.clone().map(move |x| y * frame.width + x))
+        .map(|i| frame.color[i as usize])
+        .collect();
+    mean(&pixels)
+}
+
+fn add(scene: &mut SceneBuilder, mesh: Mesh, material: Material) {
+    let material = scene.material(material);
+    let mesh = scene.mesh(mesh);
+    let object = scene.object("", [(mesh, material)]);
+    scene.instance(object, Affine3A::IDENTITY);
+}
+
+fn assert_close(actual: Vec3, expected: Vec3, relative: f32, what: &str) {
+    let error = ((actual - expected) / expected.max(Vec3::splat(1e-6))).abs().max_element();
+    assert!(error < relative, "{what}: {actual}, expected {expected}, off by {error}");
+}
+
+/// The square of half width `half` around `center`, facing along `normal` (an axis).
+fn square(center: Vec3, normal: Vec3, half: f32) -> Mesh {
+    let (x, y) = normal.any_orthonormal_pair();
+    let (u, v) = if x.cross(y).dot(normal) > 0.0 { (x, y) } else { (y, x) };
+    Mesh::quad(center - half * (u + v), 2.0 * half * u, 2.0 * half * v)
+}
+
+/// A room of edge 2 with coloured walls, a lamp under the ceiling and a block on the floor; `wall` is the far wall.
+fn room(wall: Material) -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let grey = || Material::diffuse("grey", Vec3::splat(0.7));
+    add(&mut scene, square(Vec3::NEG_Y, Vec3::Y, 1.0), grey());
+    add(&mut scene, square(Vec3::Y, Vec3::NEG_Y, 1.0), grey());
+    add(&mut scene, square(Vec3::NEG_Z, Vec3::Z, 1.0), wall);
+    add(&mut scene, square(Vec3::NEG_X, Vec3::X, 1.0), Material::diffuse("red", Vec3::new(0.7, 0.1, 0.1)));
+    add(&mut scene, square(Vec3::X, Vec3::NEG_X, 1.0), Material::diffuse("green", Vec3::new(0.1, 0.6, 0.1)));
+    add(&mut scene, square(Vec3::Y * 0.95, Vec3::NEG_Y, 0.3), Material::emitter("lamp", Vec3::splat(8.0)));
+    for (center, normal) in
+        [(Vec3::Y, Vec3::Y), (Vec3::X, Vec3::X), (Vec3::NEG_X, Vec3::NEG_X), (Vec3::Z, Vec3::Z)]
+    {
+        let block = Vec3::new(0.3, -0.7, -0.2);
+        add(&mut scene, square(block + 0.3 * center, normal, 0.3), grey());
+    }
+    scene
+}
+
+fn request(samples: u32, igi: IgiOptions) -> FrameRequest {
+    let camera = Camera::look_at("", Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, Vec3::Y, 0.75);
+    let mut request = FrameRequest::new(camera, 60, 60);
+    (request.renderer, request.samples, request.igi) = ("igi".into(), samples, igi);
+    request
+}
+
+fn reference(engine: &mut Engine, like: &FrameRequest, samples: u32) -> Frame {
+    render(engine, &FrameRequest { renderer: "path".into(), samples, ..like.clone() })
+}
+
+#[test]
+fn energy_is_that_of_the_reference() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let many = IgiOptions { paths: 32, ..IgiOptions::default() };
+    let reference = reference(&mut engine, &request(1, many), 256);
+    let unbounded = IgiOptions { clamp: f32::INFINITY, filter: false, ..many };
+    // A bound so low that a third of the light comes back by short rays.
+    let low = IgiOptions { clamp: 0.3, filter: false, ..many };
+    let plain = IgiOptions { interleave: [1, 1], ..many };
+    for (name, igi) in [("default", many), ("unbounded", unbounded), ("low bound", low), ("1×1", plain)] {
+        let frame = render(&mut engine, &request(16, igi));
+        // All but the lamp, whose edges only many samples resolve; then walls, floor and ceiling by themselves.
+        assert_close(mean_of(&frame, 0..60, 16..60), mean_of(&reference, 0..60, 16..60), 0.01, name);
+        for (columns, rows) in [(8..16, 20..40), (44..52, 20..40), (20..40, 48..56), (10..16, 4..10)] {
+            let (a, b) = (
+                mean_of(&frame, columns.clone(), rows.clone()),
+                mean_of(&reference, columns.clone(), rows.clone()),
+            );
+            // The walls are eight pixels wide here, and light is shared over three; without a bound corners are noisy.
+            let rough = igi.filter || igi.clamp.is_infinite();
+            let tolerance = if rough { 0.07 } else { 0.03 };
+            assert_close(a, b, tolerance, &format!("{name}, columns {columns:?}, rows {rows:?}"));
+        }
+    }
+    // Without the short rays the low bound would show.
+    let dark = render(&mut engine, &request(16, IgiOptions { compensate: false, ..low }));
+    assert!(mean_of(&dark, 0..60, 16..60).y < 0.98 * mean_of(&reference, 0..60, 16..60).y);
+}
+
+#[test]
+fn mirrors_and_gloss_see_the_same_light() {
+    // Small ones: light that mirrors throw on other surfaces (caustics) is not followed yet.
+    let mirrors = [
+        ("mirror", Material::metal("far", Vec3::new(0.9, 0.8, 0.7), 0.0)),
+        ("brushed metal", Material::metal("far", Vec3::new(0.9, 0.8, 0.7), 0.35)),
+        ("plastic", Material::plastic("far", Vec3::new(0.2, 0.3, 0.7), 0.6)),
+    ];
+    for (name, mirror) in mirrors {
+        let mut scene = room(Material::diffuse("far", Vec3::splat(0.7)));
+        // It looks at the floor and the walls.
+        let tilt = Affine3A::from_translation(Vec3::new(0.0, 0.2, -0.8)) * Affine3A::from_rotation_x(0.5);
+        let (mirror, mesh) = (scene.material(mirror), scene.mesh(square(Vec3::ZERO, Vec3::Z, 0.2)));
+        let object = scene.object("mirror", [(mesh, mirror)]);
+        scene.instance(object, tilt);
+        let mut engine = engine(scene, 2);
+        let request = request(24, IgiOptions { paths: 24, ..IgiOptions::default() });
+        let reference = reference(&mut engine, &request, 512);
+        let frame = render(&mut engine, &request);
+        let (a, b) = (mean_of(&frame, 28..32, 22..27), mean_of(&reference, 28..32, 22..27));
+        // What they throw back on the floor, some 3 to 5 % of what is seen in them, is that light.
+        assert_close(a, b, 0.07, name);
+    }
+}
+
+#[test]
+fn lights_without_area_need_no_sampling() {
+    // Under a point light at height h the irradiance is I / h²; of the sun it is what it is.
+    let point =
+        LightKind::Point { position: Vec3::Y * 2.0, intensity: Vec3::splat(12.0), range: f32::INFINITY };
+    let sun = LightKind::Directional { direction: Vec3::new(0.0, -1.0, 0.0), irradiance: Vec3::splat(3.0) };
+    for (kind, irradiance) in [(point, 3.0), (sun, 3.0)] {
+        let mut scene = SceneBuilder::new();
+        add(&mut scene, square(Vec3::ZERO, Vec3::Y, 2.0), Material::diffuse("", Vec3::splat(0.5)));
+        scene.light(Light { name: String::new(), kind });
+        let mut request = request(1, IgiOptions::default());
+        request.camera = Camera::look_at("", Vec3::Y, Vec3::ZERO, Vec3::Z, 1.0);
+        request.camera.projection = Projection::Orthographic { height: 0.02 };
+        let frame = render(&mut engine(scene, 1), &request);
+        assert_close(mean(&frame.color), Vec3::splat(0.5 * irradiance / PI), 1e-3, "one frame");
+    }
+}
+
+#[test]
+fn a_white_furnace_stays_white() {
+    // In an environment of radiance one, a diffuse plate shows its reflectance: the upper half of the sky over π.
+    let mut scene = SceneBuilder::new();
+    add(&mut scene, square(Vec3::ZERO, Vec3::Y, 1.0), Material::diffuse("", Vec3::splat(0.6)));
+    scene.environment(Environment::Constant(Vec3::ONE));
+    let mut request = request(16, IgiOptions { paths: 64, ..IgiOptions::default() });
+    request.camera = Camera::look_at("", Vec3::Y, Vec3::ZERO, Vec3::Z, 1.0);
+    request.camera.projection = Projection::Orthographic { height: 1.0 };
+    let frame = render(&mut engine(scene, 2), &request);
+    assert_close(mean(&frame.color), Vec3::splat(0.6), 0.01, "furnace");
+}
+
+#[test]
+fn neighbours_share_their_light_up_to_edges() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let few = IgiOptions { paths: 4, ..IgiOptions::default() };
+    let reference = reference(&mut engine, &request(1, few), 256);
+    let error = |frame: &Frame| -> f32 {
+        let squared = |(a, b): (&Vec3, &Vec3)| ((a - b) / (b + 0.01)).length_squared();
+        frame.color.iter().zip(&reference.color).map(squared).sum::<f32>() / frame.color.len() as f32
+    };
+    let shared = error(&render(&mut engine, &request(1, few)));
+    let alone = error(&render(&mut engine, &request(1, IgiOptions { filter: false, ..few })));
+    assert!(shared < 0.35 * alone, "filtered {shared}, alone {alone}");
+    // A black floor beside a bright wall stays black: light is shared apart from colour.
+    let mut scene = SceneBuilder::new();
+    add(&mut scene, square(Vec3::NEG_Y, Vec3::Y, 1.0), Material::diffuse("black", Vec3::ZERO));
+    add(&mut scene, square(Vec3::NEG_Z, Vec3::Z, 1.0), Material::diffuse("white", Vec3::ONE));
+    add(&mut scene, square(Vec3::new(0.0, 0.5, 0.5), Vec3::NEG_Z, 0.3), Material::emitter("lamp", Vec3::ONE));
+    let frame = render(&mut self::engine(scene, 2), &request(1, few));
+    let rows: Vec<f32> = (0..60).map(|y| mean_of(&frame, 20..40, y..y + 1).y).collect();
+    let edge = rows.iter().rposition(|&row| row > 0.0).expect("the wall is lit");
+    assert!(edge < 58 && rows[edge + 1..].iter().all(|&row| row == 0.0), "{rows:?}");
+    assert!(rows[edge] > 0.5 * rows[edge - 3], "the wall is bright down to its edge: {rows:?}");
+}
+
+#[test]
+fn pictures_do_not_depend_on_threads() {
+    let picture = |threads| {
+        let mut engine = engine(room(Material::plastic("far", Vec3::splat(0.5), 0.3)), threads);
+        render(&mut engine, &request(2, IgiOptions::default())).color
+    };
+    let one = picture(1);
+    assert!(picture(2) == one && picture(5) == one);
+}
+
+#[test]
+fn depth_counts_whole_paths() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    for depth in [2, 3] {
+        let mut request = request(16, IgiOptions { paths: 32, ..IgiOptions::default() });
+        request.max_depth = Some(depth);
+        let reference = reference(&mut engine, &request, 256);
+        let frame = render(&mut engine, &request);
+        let (a, b) = (mean_of(&frame, 0..60, 16..60), mean_of(&reference, 0..60, 16..60));
+        assert_close(a, b, 0.015, &format!("depth {depth}"));
+    }
+}
+
+#[test]
+fn impossible_options_are_refused() {
+    let mut engine = engine(SceneBuilder::new(), 1);
+    let good = IgiOptions::default();
+    for igi in [
+        IgiOptions { paths: 0, ..good },
+        IgiOptions { interleave: [0, 3], ..good },
+        IgiOptions { interleave: [3, 9], ..good },
+        IgiOptions { clamp: 0.0, ..good },
+        IgiOptions { clamp: f32::NAN, ..good },
+    ] {
+        let error = engine.render(&request(1, igi), &Progress::new()).expect_err("out of range");
+        assert!(error.to_string().contains("give"), "{error}");
+    }
+}
