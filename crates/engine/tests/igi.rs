@@ -89,27 +89,27 @@ fn energy_is_that_of_the_reference() {
     let many = IgiOptions { paths: 32, ..IgiOptions::default() };
     let reference = reference(&mut engine, &request(1, many), 256);
     let unbounded = IgiOptions { clamp: f32::INFINITY, filter: false, ..many };
-    // A bound so low that a third of the light comes back by short rays.
-    let low = IgiOptions { clamp: 0.3, filter: false, ..many };
-    let plain = IgiOptions { interleave: [1, 1], ..many };
+    // A bound so low that much of the light comes back by short rays.
+    let low = IgiOptions { clamp: 1.0, filter: false, ..many };
+    let plain = IgiOptions { interleave: [1, 1], paths: 128, ..many };
     for (name, igi) in [("default", many), ("unbounded", unbounded), ("low bound", low), ("1×1", plain)] {
         let frame = render(&mut engine, &request(16, igi));
         // All but the lamp, whose edges only many samples resolve; then walls, floor and ceiling by themselves.
         assert_close(mean_of(&frame, 0..60, 16..60), mean_of(&reference, 0..60, 16..60), 0.01, name);
-        for (columns, rows) in [(8..16, 20..40), (44..52, 20..40), (20..40, 48..56), (10..16, 4..10)] {
+        for (columns, rows) in [(3..9, 20..40), (51..57, 20..40), (20..40, 51..57), (14..18, 4..8)] {
             let (a, b) = (
                 mean_of(&frame, columns.clone(), rows.clone()),
                 mean_of(&reference, columns.clone(), rows.clone()),
             );
             // The walls are eight pixels wide here, and light is shared over three; without a bound corners are noisy.
             let rough = igi.filter || igi.clamp.is_infinite();
-            let tolerance = if rough { 0.07 } else { 0.03 };
+            let tolerance = if rough { 0.07 } else { 0.04 };
             assert_close(a, b, tolerance, &format!("{name}, columns {columns:?}, rows {rows:?}"));
         }
     }
     // Without the short rays the low bound would show.
     let dark = render(&mut engine, &request(16, IgiOptions { compensate: false, ..low }));
-    assert!(mean_of(&dark, 0..60, 16..60).y < 0.98 * mean_of(&reference, 0..60, 16..60).y);
+    assert!(mean_of(&dark, 0..60, 16..60).y < 0.985 * mean_of(&reference, 0..60, 16..60).y);
 }
 
 #[test]
