@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "640x360")]
     size: Size,
-    /// Samples per pixel [default: 64 for path, 16 for direct, 1 for igi]
+    /// Samples per pixel [default: 64 for path, 16 for direct, 1 for igi and cast]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
     #[command(flatten)]
@@ -112,6 +112,8 @@ enum Renderer {
     Direct,
     /// Instant Global Illumination: all light at once, by virtual point lights
     Igi,
+    /// Ray casting: first surfaces and all lights, without shadows
+    Cast,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -166,6 +168,7 @@ impl Renderer {
             Self::Path => "path",
             Self::Direct => "direct",
             Self::Igi => "igi",
+            Self::Cast => "cast",
         }
     }
 
@@ -173,7 +176,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi => 1,
+            Self::Igi | Self::Cast => 1,
         }
     }
 }

@@ -7,6 +7,8 @@ mod instancing;
 mod objects;
 mod play;
 
+pub(crate) use play::camera;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -85,12 +87,12 @@ pub(crate) fn run(command: &Command) -> Result<(), String> {
 }
 
 /// A scene with what moves in it.
-struct Moving {
-    edits: Vec<Edit>,
+pub(crate) struct Moving {
+    pub(crate) edits: Vec<Edit>,
     timeline: Timeline,
 }
 
-fn scene(name: &str) -> Result<Moving, String> {
+pub(crate) fn scene(name: &str) -> Result<Moving, String> {
     if let Some(edits) = builtin::build(name) {
         return Ok(Moving { edits, timeline: builtin::timeline(name) });
     }

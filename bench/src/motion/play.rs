@@ -64,7 +64,7 @@ pub(super) fn run(name: &str, frames: u32, renderer: &str, plot: Option<&Path>) 
 }
 
 /// The scene's first camera as it stands now, else one that shows everything.
-fn camera(engine: &Engine) -> Result<Camera, String> {
+pub(crate) fn camera(engine: &Engine) -> Result<Camera, String> {
     if let Some(camera) = engine.scene().cameras().values().next() {
         return Ok(camera.clone());
     }

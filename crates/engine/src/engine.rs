@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use heliostat_kernel::{Isa, RayQuery, World};
+use heliostat_kernel::{Isa, RayQuery};
 use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, IgiOptions,
     MaterialOverride, Progress, Scene,
@@ -16,6 +16,7 @@ use heliostat_transport::{Gathered, IgiFrame, IgiSettings, Integrator, PixelSum,
 
 use crate::compile::{Compiled, Refused};
 use crate::film::Film;
+use crate::meter::Metered;
 use crate::queue::work_through;
 
 /// Most pixels of one picture.
@@ -127,18 +128,20 @@ impl Engine {
         }
     }
 
-    /// Renders all regions into a film; threads draw from one queue. Returns the number of rays.
+    /// Renders a picture into a film and says what it took.
     fn render_frame(
         &self,
         request: &FrameRequest,
         renderer: Renderer,
         film: &Film,
         progress: &Progress,
-    ) -> Result<u64, BackendError> {
+    ) -> Result<FrameStats, BackendError> {
+        let start = Instant::now();
         let camera = CameraRays::new(&request.camera, request.width, request.height);
         let scene = self.compiled.shading(request.materials);
         let moving = request.camera.motion.is_some() || self.compiled.world().has_motion();
-        let view = View { query: self.compiled.world(), scene, camera: &camera, moving };
+        let query = Metered::new(self.compiled.world());
+        let view = View { query: &query, scene, camera: &camera, moving };
         let settings = Settings {
             samples: request.samples,
             max_depth: request.max_depth,
@@ -154,12 +157,16 @@ impl Engine {
             }
             Renderer::Igi => self.render_igi(&view, &settings, &request.igi, film, progress)?,
         };
-        if progress.is_cancelled() { Err(BackendError::Cancelled) } else { Ok(rays) }
+        if progress.is_cancelled() {
+            return Err(BackendError::Cancelled);
+        }
+        let milliseconds = start.elapsed().as_secs_f64() * 1e3;
+        Ok(FrameStats { milliseconds, rays, query_milliseconds: query.milliseconds() })
     }
 
     fn render_regions(
         &self,
-        view: &View<'_, World>,
+        view: &View<'_, Metered<'_>>,
         settings: &Settings,
         integrator: Integrator,
         film: &Film,
@@ -182,7 +189,7 @@ impl Engine {
     /// Regions first, then, when all neighbours are there, the filter row by row.
     fn render_igi(
         &self,
-        view: &View<'_, World>,
+        view: &View<'_, Metered<'_>>,
         settings: &Settings,
         options: &IgiOptions,
         film: &Film,
@@ -253,7 +260,7 @@ enum Renderer {
 }
 
 impl Renderer {
-    const NAMES: [&str; 3] = ["path", "direct", "igi"];
+    const NAMES: [&str; 4] = ["path", "direct", "igi", "cast"];
 
     fn by_name(name: &str) -> Option<Self> {
         if name == "igi" { Some(Self::Igi) } else { Integrator::by_name(name).map(Self::ByRegion) }
@@ -284,7 +291,6 @@ impl Backend for Engine {
     }
 
     fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError> {
-        let start = Instant::now();
         let renderer = check(request)?;
         if self.compiled.has_finished() {
             self.apply(&[], progress)?;
@@ -293,9 +299,9 @@ impl Backend for Engine {
             self.compiled.prepare_override(&self.scene, request.materials);
         }
         let film = Film::new(request);
-        let rays = self.render_frame(request, renderer, &film, progress)?;
+        let stats = self.render_frame(request, renderer, &film, progress)?;
         let mut frame = film.finish();
-        frame.stats = FrameStats { milliseconds: start.elapsed().as_secs_f64() * 1e3, rays };
+        frame.stats = stats;
         Ok(frame)
     }
 

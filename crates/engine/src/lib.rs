@@ -25,7 +25,9 @@
 mod compile;
 mod engine;
 mod film;
+mod meter;
 mod queue;
 pub mod tone;
 
 pub use engine::{Accelerator, Engine, EngineOptions};
+pub use heliostat_shading::{LaneMode, ShaderRegistry};

@@ -210,4 +210,6 @@ pub struct FrameStats {
     pub milliseconds: f64,
     /// Rays traced, of all kinds.
     pub rays: u64,
+    /// Time in ray queries, summed over all threads, milliseconds: the rest of their time is shading and all else.
+    pub query_milliseconds: f64,
 }

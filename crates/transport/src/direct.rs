@@ -15,21 +15,25 @@ use crate::shadow::{PendingLight, ShadowBatch};
 /// Shadow rays traced together.
 const SHADOW_BATCH: usize = 4096;
 
-/// See [`Integrator::render`](crate::Integrator::render).
+/// See [`Integrator::render`](crate::Integrator::render). Without shadows the first surface is all there is.
 pub(crate) fn render<Q: RayQuery + ?Sized>(
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
     sums: &mut [PixelSum],
     after_sample: &dyn Fn() -> bool,
+    shadowed: bool,
 ) -> u64 {
-    let mut tracer = EyeWalk::new(view, settings, sums.len(), AllLights::default());
+    let lights = AllLights { shadowed, ..AllLights::default() };
+    let mut tracer = EyeWalk::new(view, settings, sums.len(), lights);
     walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.lighting.shadows.traced()
 }
 
 /// Every surface samples every light.
 #[derive(Debug, Default)]
 struct AllLights {
+    /// Whether shadow rays are traced and mirrors followed.
+    shadowed: bool,
     shadows: ShadowBatch,
     light: Illumination,
     values: Scattering,
@@ -47,6 +51,10 @@ impl AllLights {
 impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
     const SHARES_MIRRORS: bool = true;
 
+    fn follows_mirrors(&self) -> bool {
+        self.shadowed
+    }
+
     fn groups(&self) -> usize {
         1
     }
@@ -59,7 +67,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
     fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]) {
         let scene = view.scene;
         let Arrived { rays, count } = arrived;
-        let Self { shadows, light, values, origins } = self;
+        let Self { shadowed, shadows, light, values, origins } = self;
         for emitter in 0..scene.lights().len() {
             let along = |lane: usize| {
                 let ray: &WeightedRay = &rays[lane];
@@ -80,10 +88,14 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
                     f_cos.set(lane, f_cos.get(lane) + values.f_cos.get(lane) * share);
                 }
             }
-            surfaces.spawn(&light.wi, *count, origins);
+            if *shadowed {
+                surfaces.spawn(&light.wi, *count, origins);
+            }
             for (lane, ray) in rays[..*count].iter().enumerate() {
                 let radiance = ray.weight * f_cos.get(lane) * light.weight.get(lane);
-                if radiance != Vec3::ZERO {
+                if radiance != Vec3::ZERO && !*shadowed {
+                    sums[ray.pixel as usize].add_lit(radiance);
+                } else if radiance != Vec3::ZERO {
                     let pending = PendingLight { pixel: ray.pixel, radiance };
                     let shadow = Ray::new(origins.get(lane), light.wi.get(lane));
                     let shadow = Ray { t_max: light.distance.0[lane], ..shadow };

@@ -88,6 +88,11 @@ pub(crate) trait Lighting<Q: ?Sized> {
     /// Whether it weighs light that it samples against light that rays of sharp lobes find.
     const SHARES_MIRRORS: bool;
 
+    /// Whether rays are sent on by mirrors and glass.
+    fn follows_mirrors(&self) -> bool {
+        true
+    }
+
     /// Number of groups of pixels; each is lit by itself.
     fn groups(&self) -> usize;
 
@@ -228,7 +233,9 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             let arrived = self.arrive(&packet, rays, hits, surfaces, sums, first_sample);
             if arrived.count > 0 {
                 self.lighting.packet(self.view, &arrived, surfaces, sums);
-                self.reflect(&arrived, surfaces, samples, origins);
+                if self.lighting.follows_mirrors() {
+                    self.reflect(&arrived, surfaces, samples, origins);
+                }
             }
         }
     }

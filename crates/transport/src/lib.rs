@@ -26,11 +26,14 @@ pub enum Integrator {
     Path,
     /// The classical recursive ray tracer: direct light, mirrors and glass.
     Direct,
+    /// Ray casting: the first surface, lit by all lights, without shadows.
+    Cast,
 }
 
 impl Integrator {
     /// All of them with their names.
-    pub const NAMES: &[(&str, Self)] = &[("path", Self::Path), ("direct", Self::Direct)];
+    pub const NAMES: &[(&str, Self)] =
+        &[("path", Self::Path), ("direct", Self::Direct), ("cast", Self::Cast)];
 
     /// The integrator of this name.
     pub fn by_name(name: &str) -> Option<Self> {
@@ -50,7 +53,8 @@ impl Integrator {
     ) -> u64 {
         match self {
             Self::Path => path::render(view, settings, region, sums, after_sample),
-            Self::Direct => direct::render(view, settings, region, sums, after_sample),
+            Self::Direct => direct::render(view, settings, region, sums, after_sample, true),
+            Self::Cast => direct::render(view, settings, region, sums, after_sample, false),
         }
     }
 }

@@ -1,0 +1,125 @@
+//! What a frame takes and where its time goes: ray queries against shading, threads, lanes against single values.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use heliostat::engine::{Engine, EngineOptions, LaneMode};
+use heliostat::lighting;
+use heliostat::scene::{Backend, Frame, FrameRequest, IgiOptions, Progress};
+
+use crate::measure::median;
+use crate::result;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Scenes by name or file
+    #[arg(long, value_name = "NAME|FILE", num_args = 1.., value_delimiter = ',', default_value = "cornell,conference-1")]
+    scene: Vec<String>,
+    /// Renderers
+    #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', default_value = "cast,direct,igi")]
+    renderer: Vec<String>,
+    /// Columns and rows
+    #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480])]
+    size: Vec<u32>,
+    /// Samples per pixel, or passes
+    #[arg(long, default_value_t = 1)]
+    spp: u32,
+    /// Light paths of each set, for `igi`
+    #[arg(long, default_value_t = 8)]
+    paths: u32,
+    /// Frames; medians are printed
+    #[arg(long, default_value_t = 5)]
+    runs: u32,
+    /// Writes the rows as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// How an engine is set up for a column of the table.
+struct Setup {
+    name: &'static str,
+    threads: Option<NonZeroUsize>,
+    lanes: LaneMode,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
+    let setups = [
+        Setup { name: "1 thread", threads: NonZeroUsize::new(1), lanes: LaneMode::default() },
+        Setup { name: "1 thread, single lanes", threads: NonZeroUsize::new(1), lanes: LaneMode::Single },
+        Setup { name: "all threads", threads: None, lanes: LaneMode::default() },
+    ];
+    let mut rows = Vec::new();
+    for scene in &arguments.scene {
+        let mut engines = Vec::new();
+        for setup in &setups {
+            engines.push(engine(scene, setup)?);
+        }
+        let camera = crate::motion::camera(&engines[0])?;
+        for renderer in &arguments.renderer {
+            let request = FrameRequest {
+                renderer: renderer.clone(),
+                samples: arguments.spp,
+                igi: IgiOptions { paths: arguments.paths, ..IgiOptions::default() },
+                ..FrameRequest::new(camera.clone(), arguments.size[0], arguments.size[1])
+            };
+            rows.extend(measure(scene, &request, &setups, &mut engines, arguments.runs)?);
+        }
+    }
+    match &arguments.json {
+        None => Ok(()),
+        Some(file) => std::fs::write(file, serde_json::json!({ "rows": rows }).to_string())
+            .map_err(|error| format!("cannot write {}: {error}", file.display())),
+    }
+}
+
+fn engine(name: &str, setup: &Setup) -> Result<Engine, String> {
+    let scene = crate::motion::scene(name)?;
+    let options = EngineOptions { threads: setup.threads, lanes: setup.lanes, ..EngineOptions::default() };
+    let mut engine = Engine::new(options).map_err(|error| error.to_string())?;
+    engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
+    if !engine.scene().has_light() {
+        let light = lighting::default_light(engine.scene());
+        engine.apply(&light, &Progress::new()).map_err(|error| error.to_string())?;
+    }
+    Ok(engine)
+}
+
+/// Frames of all setups in turn, so that a busy machine disturbs all alike.
+fn measure(
+    scene: &str,
+    request: &FrameRequest,
+    setups: &[Setup],
+    engines: &mut [Engine],
+    runs: u32,
+) -> Result<Vec<serde_json::Value>, String> {
+    let mut frames: Vec<Vec<Frame>> = setups.iter().map(|_| Vec::new()).collect();
+    for _ in 0..runs.max(1) {
+        for (engine, frames) in engines.iter_mut().zip(&mut frames) {
+            frames.push(engine.render(request, &Progress::new()).map_err(|error| error.to_string())?);
+        }
+    }
+    let mut rows = Vec::new();
+    for (setup, frames) in setups.iter().zip(&frames) {
+        let of = |value: &dyn Fn(&Frame) -> f64| median(&mut frames.iter().map(value).collect::<Vec<_>>());
+        let threads = setup.threads.map_or_else(
+            || std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+            NonZeroUsize::get,
+        );
+        let milliseconds = of(&|frame| frame.stats.milliseconds);
+        let share = of(&|frame| frame.stats.query_milliseconds / (frame.stats.milliseconds * threads as f64));
+        let pixels = f64::from(request.width) * f64::from(request.height);
+        let per_pixel = frames[0].stats.rays as f64 / pixels;
+        let rate = frames[0].stats.rays as f64 / milliseconds * 1e-3;
+        result(&format!(
+            "{scene:20} {:8} {:24} {milliseconds:9.1} ms  {per_pixel:6.1} rays/pixel  {rate:7.1} Mray/s  queries {:3.0} %",
+            request.renderer,
+            setup.name,
+            100.0 * share
+        ));
+        rows.push(serde_json::json!({
+            "scene": scene, "renderer": request.renderer, "setup": setup.name, "threads": threads,
+            "milliseconds": milliseconds, "rays_per_pixel": per_pixel, "mrays_per_s": rate, "query_share": share,
+        }));
+    }
+    Ok(rows)
+}
