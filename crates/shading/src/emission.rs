@@ -71,9 +71,7 @@ impl Lights {
                 let ray = light_ray(kind, direction, bounds).map(|ray| scaled(ray, 1.0 / probability));
                 Some((Source::Light { kind: *kind, factor: 1.0 / probability }, ray))
             }
-            Emitter::Area(area) => {
-                area.emit(tables, (place, u_triangle), direction, 1.0 / probability)
-            }
+            Emitter::Area(area) => area.emit(tables, (place, u_triangle), direction, 1.0 / probability),
             Emitter::Environment => {
                 let (wi, radiance, pdf) = self.environment_light().sample(place)?;
                 let irradiance = radiance / (pdf * probability);
@@ -89,12 +87,7 @@ fn scaled(ray: EmittedRay, factor: f32) -> EmittedRay {
 }
 
 /// A ray of parallel light that crosses the scene's bounding sphere.
-fn from_afar(
-    direction: Vec3,
-    u: Vec2,
-    irradiance: Vec3,
-    bounds: Option<SceneBounds>,
-) -> Option<EmittedRay> {
+fn from_afar(direction: Vec3, u: Vec2, irradiance: Vec3, bounds: Option<SceneBounds>) -> Option<EmittedRay> {
     let bounds = bounds?;
     let radius = bounds.radius().max(1e-6);
     let disk = radius * concentric_disk(u);
@@ -117,7 +110,8 @@ fn light_ray(kind: &LightKind, u: Vec2, bounds: Option<SceneBounds>) -> Option<E
             let r = (1.0 - z * z).max(0.0).sqrt() * Vec2::from_angle(TAU * u.y);
             let towards = Basis::from_normal(Vector::from(axis)).to_world(Vector::new(r.x, r.y, z)).into();
             // The fade of the cone, from the light's own formula at a metre's distance.
-            let share = constant_light(kind, position + towards) / intensity.max_element().max(f32::MIN_POSITIVE);
+            let share =
+                constant_light(kind, position + towards) / intensity.max_element().max(f32::MIN_POSITIVE);
             let flux = intensity * (share.max_element() * TAU * cap);
             Some(EmittedRay { origin: position, direction: towards, flux })
         }
@@ -155,7 +149,8 @@ impl AreaEmitter {
         if !(radiance.is_finite() && radiance != Vec3::ZERO) {
             return None;
         }
-        let direction = Basis::from_normal(Vector::from(normal)).to_world(cosine_hemisphere(u_direction.into()));
+        let direction =
+            Basis::from_normal(Vector::from(normal)).to_world(cosine_hemisphere(u_direction.into()));
         let ray = EmittedRay {
             origin: position + normal * error,
             direction: direction.into(),
