@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
+//! cargo run --release -p heliostat-bench -- gallery [--docs FOLDER] [NAME…]
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
 //! cargo run --release -p heliostat-bench -- motion alternatives|edits|grouping|instancing|play …
 //! ```
@@ -9,6 +10,7 @@
 mod chart;
 mod contact_sheet;
 mod flatten;
+mod gallery;
 mod kernel;
 mod measure;
 mod motion;
@@ -41,6 +43,8 @@ enum Command {
         #[arg(long, default_value_t = 8)]
         per_folder: usize,
     },
+    /// Render every surface shader on a stand and write the page that describes them
+    Gallery(gallery::Arguments),
     /// Rays per second of the kernel and of Embree, side by side on the same scenes and rays
     Kernel(Box<kernel::Arguments>),
     /// What motion costs: edits, instances, deforming meshes, animated scenes
@@ -53,6 +57,7 @@ fn main() -> ExitCode {
         Command::ContactSheet { folder, output, spp, per_folder } => {
             contact_sheet::run(&folder, &output, spp, per_folder)
         }
+        Command::Gallery(arguments) => gallery::run(&arguments),
         Command::Kernel(arguments) => kernel::run(&arguments),
         Command::Motion(command) => motion::run(&command),
     };

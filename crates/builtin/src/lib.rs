@@ -26,11 +26,13 @@ mod shape;
 mod sky;
 mod solid;
 mod spheres;
+mod stand;
 mod sunflowers;
 #[cfg(test)]
 mod tests;
 
 pub use sky::default_light;
+pub use stand::stand;
 
 /// The scenes by name, each with one line that says what it shows.
 pub fn names() -> &'static [(&'static str, &'static str)] {
