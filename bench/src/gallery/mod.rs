@@ -9,14 +9,15 @@ use std::time::Instant;
 
 use heliostat::builtin::stand;
 use heliostat::engine::{Engine, EngineOptions, tone};
-use heliostat::kernel::glam::Vec4;
+use heliostat::formats::image::encode_png;
+use heliostat::kernel::glam::{Vec3, Vec4};
 use heliostat::scene::{Backend, FrameRequest, Material, Progress, ShaderUse};
 use heliostat::shading::ShaderRegistry;
 
 /// Edge of a picture, pixels.
 const SIZE: u32 = 200;
 /// Stops by which all pictures are brightened.
-const EXPOSURE: f32 = 0.0;
+const EXPOSURE: f32 = -0.4;
 /// Largest file that goes into the repository.
 const LARGEST_FILE: usize = 40_000;
 
@@ -46,7 +47,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
             continue;
         }
         let start = Instant::now();
-        let png = palette::encode(SIZE, SIZE, &picture(name, arguments.spp)?)?;
+        let png = encode(&picture(name, arguments.spp)?)?;
         if png.len() > LARGEST_FILE {
             return Err(format!("{name}: {} bytes are more than {LARGEST_FILE}: raise --spp", png.len()));
         }
@@ -56,6 +57,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     }
     let page = arguments.docs.join("shaders.md");
     std::fs::write(&page, page::markdown(&registry)).map_err(|error| format!("{}: {error}", page.display()))
+}
+
+/// A PNG of all colours or, if that is too large, of 256.
+fn encode(rgb: &[u8]) -> Result<Vec<u8>, String> {
+    let whole = encode_png(SIZE, SIZE, rgb).map_err(|error| error.to_string())?;
+    if whole.len() <= LARGEST_FILE { Ok(whole) } else { palette::encode(SIZE, SIZE, rgb) }
 }
 
 /// How a shader is shown: the material that it starts from, the ball's diameter in metres, and parameters that differ from
@@ -74,7 +81,7 @@ fn exhibit(name: &str) -> (Material, f32, ShaderUse) {
         "glass" => (Material::glass("", 1.5), 0.24, shader),
         "ripples" => (water, 0.24, shader),
         "show-depth" => (plain, 0.24, shader.with("near", 2.5).with("far", 4.5)),
-        "show-level" => (plain, 0.24, shader.with("levels", 2.0)),
+        "show-level" => (Material::metal("", Vec3::splat(0.9), 0.0), 0.24, shader.with("levels", 4.0)),
         "show-uv" => (plain, 0.24, shader.with("repeat", 4.0)),
         _ => (plain, 0.24, shader),
     }
@@ -88,9 +95,11 @@ fn opaque(red: f32, green: f32, blue: f32) -> Vec4 {
 fn picture(name: &str, spp: u32) -> Result<Vec<u8>, String> {
     let progress = Progress::new();
     let (material, diameter, shader) = exhibit(name);
-    let material = Material { shader: Some(Arc::new(shader)), ..material };
+    let shaded = Material { shader: Some(Arc::new(shader)), ..material.clone() };
+    // Levels show where mirrors see them: on the floor around.
+    let (on_stand, on_floor) = if name == "show-level" { (material, Some(shaded)) } else { (shaded, None) };
     let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
-    engine.apply(&stand(&material, diameter), &progress).map_err(|error| error.to_string())?;
+    engine.apply(&stand(&on_stand, on_floor, diameter), &progress).map_err(|error| error.to_string())?;
     let camera = engine.scene().cameras().values().next().ok_or("the stand has no camera")?.clone();
     let request = FrameRequest { samples: spp, ..FrameRequest::new(camera, SIZE, SIZE) };
     let frame = engine.render(&request, &progress).map_err(|error| error.to_string())?;

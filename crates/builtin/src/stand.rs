@@ -10,16 +10,16 @@ use crate::sky;
 use crate::solid::sphere;
 
 /// The edits that show a material on a ball of `diameter` metres, which lies on a block of the same material. Patterns in
-/// object space appear as on a thing of that size; the picture's frame does not change.
+/// object space appear as on a thing of that size; the picture's frame does not change. The floor is grey unless given.
 ///
 /// ```
 /// use heliostat_scene::{Material, Scene};
 ///
 /// let mut scene = Scene::default();
-/// scene.apply(&heliostat_builtin::stand(&Material::default(), 0.24))?;
+/// scene.apply(&heliostat_builtin::stand(&Material::default(), None, 0.24))?;
 /// # Ok::<(), heliostat_scene::EditError>(())
 /// ```
-pub fn stand(material: &Material, diameter: f32) -> Vec<Edit> {
+pub fn stand(material: &Material, floor: Option<Material>, diameter: f32) -> Vec<Edit> {
     let mut builder = SceneBuilder::new();
     let shown = builder.material(material.clone());
     let size = diameter.clamp(1e-3, 1e3);
@@ -30,17 +30,21 @@ pub fn stand(material: &Material, diameter: f32) -> Vec<Edit> {
     // In the world the ball has a diameter of a metre.
     let turned = Affine3A::from_rotation_y(-0.35) * Affine3A::from_scale(Vec3::splat(1.0 / size));
     builder.place("shown", object, None, turned);
-    studio(&mut builder);
+    studio(&mut builder, floor.unwrap_or_else(tiles));
     builder.finish()
 }
 
-/// Floor, light and camera.
-fn studio(builder: &mut SceneBuilder) {
+/// Grey squares.
+fn tiles() -> Material {
     let tiles = ShaderUse::named("checker")
         .with("first", Vec3::splat(0.30))
-        .with("second", Vec3::splat(0.22))
-        .with("size", 0.5);
-    let floor = Material { shader: Some(Arc::new(tiles)), roughness: 0.6, ..Material::default() };
+        .with("second", Vec3::splat(0.20))
+        .with("size", 0.4);
+    Material { shader: Some(Arc::new(tiles)), roughness: 0.6, ..Material::default() }
+}
+
+/// Floor, light and camera.
+fn studio(builder: &mut SceneBuilder, floor: Material) {
     let floor = builder.material(floor);
     let square =
         Shape::patch(1, 1, Vec2::splat(24.0), |u, v| Vec3::new(24.0 * u - 12.0, 0.0, 12.0 - 24.0 * v));
@@ -57,6 +61,6 @@ fn studio(builder: &mut SceneBuilder) {
         range: f32::INFINITY,
     };
     builder.light(Light { name: "key".into(), kind: key });
-    let (eye, target) = (Vec3::new(0.35, 1.75, 3.6), Vec3::new(0.0, 0.56, 0.0));
-    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.42));
+    let (eye, target) = (Vec3::new(0.35, 1.75, 3.6), Vec3::new(0.0, 0.5, 0.0));
+    builder.camera(Camera::look_at("front", eye, target, Vec3::Y, 0.50));
 }

@@ -160,13 +160,16 @@ impl SurfaceShader for Brick {
         };
         let stain = fbm(p * per_metre, octaves);
         let variation = inputs.float(VARIATION);
-        let light = ((id.hashed().unit() - 0.5) + stain * 1.2) * variation + 1.0;
-        let color = inputs.vector(FIRST).mix(inputs.vector(SECOND), id.unit()) * light.positive();
+        // From afar all bricks are alike.
+        let seen = smooth_step(0.35, 1.0, wall.width * wall.per_metre[1]).complement();
+        let (shade, mixture) = ((id.hashed().unit() - 0.5) * seen, (id.unit() - 0.5) * seen + 0.5);
+        let light = (shade + stain * 1.2) * variation + 1.0;
+        let color = inputs.vector(FIRST).mix(inputs.vector(SECOND), mixture) * light.positive();
         let mortar = inputs.vector(MORTAR) * (stain * variation * 0.8 + 1.0).positive();
         let roughness = inputs.float(ROUGHNESS);
         let mortar_roughness = roughness.mix(inputs.constant(1.0), inputs.constant(0.5));
         make_plastic(closure, mortar.mix(color, brick), mortar_roughness.mix(roughness, brick));
-        closure.normal =
-            raised(at, &wall, wall.depth.max(inputs.float(JOINT)).max(inputs.constant(1e-6)), closure.normal);
+        let detail = wall.depth.max(inputs.float(JOINT)).max(inputs.constant(1e-6));
+        closure.normal = raised(at, &wall, detail, closure.normal);
     }
 }

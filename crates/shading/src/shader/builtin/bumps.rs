@@ -180,11 +180,11 @@ impl SurfaceShader for Ripples {
             "ripples",
             "waves of water on the material as it is, travelling level in object space",
             vec![
-                Parameter::float("height", 0.004, [0.0, 1e6], "m", "of the highest waves, object space"),
+                Parameter::float("height", 0.003, [0.0, 1e6], "m", "of the highest waves, object space"),
                 Parameter::float("wavelength", 0.05, [1e-6, 1e6], "m", "of the longest waves, object space"),
                 Parameter::float(
                     "spread",
-                    1.0,
+                    0.4,
                     [0.0, 1.0],
                     "",
                     "0: all travel along x; 1: in all directions",

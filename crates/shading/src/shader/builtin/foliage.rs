@@ -41,7 +41,7 @@ impl SurfaceShader for Foliage {
                     "",
                     "leaves along a unit of the texture coordinates",
                 ),
-                Parameter::float("fullness", 0.85, [0.0, 1.0], "", "width of a leaf relative to its cell"),
+                Parameter::float("fullness", 0.95, [0.0, 1.0], "", "width of a leaf relative to its cell"),
                 Parameter::float("teeth", 0.25, [0.0, 1.0], "", "depth of the serrated border"),
                 Parameter::float("veins", 0.5, [0.0, 1.0], "", "contrast of the veins"),
                 Parameter::float(
@@ -63,7 +63,10 @@ impl SurfaceShader for Foliage {
         let (zero, one) = (inputs.constant(0.0), inputs.constant(1.0));
         let repeat = inputs.float(REPEAT);
         let (u, v) = (at.uv[0] * repeat, at.uv[1] * repeat);
-        let (column, row) = (u.floor(), v.floor());
+        let row = v.floor();
+        // Every other row is moved by half a leaf.
+        let u = u + row * 0.5 - (row * 0.5).floor();
+        let column = u.floor();
         // Across from −1 to 1, along from the stem's end at 0 to the tip at 1.
         let across = ((u - column) * 2.0 - 1.0).abs();
         let along = (v - row).complement();

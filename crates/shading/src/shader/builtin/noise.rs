@@ -45,7 +45,7 @@ impl SurfaceShader for Noise {
                     "",
                     "strength of each octave relative to the one before",
                 ),
-                Parameter::float("contrast", 1.6, [0.0, 100.0], "", "slope between the colours"),
+                Parameter::float("contrast", 2.6, [0.0, 100.0], "", "slope between the colours"),
             ],
         )
     }
