@@ -3,6 +3,7 @@
 //! ```text
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
 //! cargo run --release -p heliostat-bench -- frame [--scene NAME|FILE …] [--renderer NAME …]
+//! cargo run --release -p heliostat-bench -- gallery [--docs FOLDER] [NAME…]
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
 //! cargo run --release -p heliostat-bench -- motion alternatives|edits|grouping|instancing|play …
 //! ```
@@ -11,6 +12,7 @@ mod chart;
 mod contact_sheet;
 mod flatten;
 mod frame;
+mod gallery;
 mod kernel;
 mod measure;
 mod motion;
@@ -45,6 +47,8 @@ enum Command {
     },
     /// What a frame takes: rays, their share of the time, threads, lanes
     Frame(frame::Arguments),
+    /// Render every surface shader on a stand and write the page that describes them
+    Gallery(gallery::Arguments),
     /// Rays per second of the kernel and of Embree, side by side on the same scenes and rays
     Kernel(Box<kernel::Arguments>),
     /// What motion costs: edits, instances, deforming meshes, animated scenes
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
             contact_sheet::run(&folder, &output, spp, per_folder)
         }
         Command::Frame(arguments) => frame::run(&arguments),
+        Command::Gallery(arguments) => gallery::run(&arguments),
         Command::Kernel(arguments) => kernel::run(&arguments),
         Command::Motion(command) => motion::run(&command),
     };

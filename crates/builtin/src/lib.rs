@@ -16,8 +16,10 @@
 use heliostat_scene::{Edit, Timeline};
 
 mod atrium;
+mod car;
 mod conference;
 mod cornell;
+mod office;
 mod paint;
 mod pattern;
 mod plant;
@@ -26,11 +28,13 @@ mod shape;
 mod sky;
 mod solid;
 mod spheres;
+mod stand;
 mod sunflowers;
 #[cfg(test)]
 mod tests;
 
 pub use sky::default_light;
+pub use stand::stand;
 
 /// The scenes by name, each with one line that says what it shows.
 pub fn names() -> &'static [(&'static str, &'static str)] {
@@ -39,9 +43,17 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
             "atrium",
             "a sunlit two-storey courtyard: colonnades, banners, a fountain, plants under an open sky",
         ),
+        (
+            "carpaint",
+            "a car in a studio: flakes and flip-flop colour under a clear coat; a second one in bronze",
+        ),
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),
         ("cornell", "the Cornell box by its measured dimensions; its blocks can turn"),
+        (
+            "office",
+            "a wooden desk on marble before a brick wall, all of procedural shaders, with a wavy mirror",
+        ),
         (
             "sunflowers",
             "a field of 28,000 sunflowers among trees, a billion triangles by instancing; the sun can move",
@@ -55,9 +67,11 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
 pub fn build(name: &str) -> Option<Vec<Edit>> {
     Some(match name {
         "atrium" => atrium::build(),
+        "carpaint" => car::build(),
         "conference" => conference::build(conference::Lighting::Ceiling),
         "conference-1" => conference::build(conference::Lighting::OneLamp),
         "cornell" => cornell::build(),
+        "office" => office::build(),
         "spheres" => spheres::build(),
         "sunflowers" => sunflowers::build(),
         _ => return None,

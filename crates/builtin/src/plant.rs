@@ -1,9 +1,10 @@
 //! Potted plants: a turned pot, stems, and curved leaves cut out by an alpha mask.
 
 use std::f32::consts::TAU;
+use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
-use heliostat_scene::{AlphaMode, Material, MaterialId, ObjectId, SceneBuilder, TextureRef};
+use heliostat_scene::{AlphaMode, Material, MaterialId, ObjectId, SceneBuilder, ShaderUse, TextureRef};
 
 use crate::paint::decal;
 use crate::pattern;
@@ -33,6 +34,19 @@ impl Palette {
         let bark = builder.material(Material::plastic("bark", Vec3::new(0.16, 0.10, 0.06), 0.9));
         let soil = builder.material(Material::diffuse("soil", Vec3::new(0.045, 0.03, 0.02)));
         Self { leaf, bark, soil }
+    }
+
+    /// The same by procedural shaders, with leaves that let light through.
+    pub(crate) fn of_shaders(builder: &mut SceneBuilder) -> Self {
+        let shader = |name: &str| Some(Arc::new(ShaderUse::named(name)));
+        let leaf = Material { name: "leaf".into(), shader: shader("foliage"), ..Material::default() };
+        let bark = Material {
+            shader: shader("bump"),
+            ..Material::plastic("bark", Vec3::new(0.16, 0.10, 0.06), 0.9)
+        };
+        let soil =
+            Material { shader: shader("bump"), ..Material::diffuse("soil", Vec3::new(0.045, 0.03, 0.02)) };
+        Self { leaf: builder.material(leaf), bark: builder.material(bark), soil: builder.material(soil) }
     }
 }
 

@@ -5,15 +5,17 @@ use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use heliostat_scene::{Clearcoat, Material, MaterialId, Volume};
+use heliostat_scene::{Clearcoat, Material, MaterialId, ShaderUse, Volume};
 
 use crate::bsdf::{Bsdf, Selection};
-use crate::lanes::Vector;
+use crate::lanes::{Vector, WIDTH};
 use crate::lobes::{LobeGeometry, appearance};
 use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::sampling::uniform_sphere;
-use crate::shader::ShaderRegistry;
+use crate::shader::testing::Random;
+use crate::shader::{ParameterKind, ShaderRegistry};
+use crate::surface::{LaneMode, ShadeScratch, Surfaces, shade};
 
 const ROUGHNESSES: [f32; 8] = [0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0];
 const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
@@ -177,4 +179,42 @@ fn sampled_directions_follow_their_density() {
             assert!((s - e).abs() < 0.003 + 0.02 * e, "{name}, bin {i}: sampled {s}, density {e}");
         }
     }
+}
+
+/// A shader with its colours white and its numbers anywhere in their ranges.
+fn white_shader(shaders: &ShaderRegistry, name: &str, random: &mut Random) -> ShaderUse {
+    let parameters = shaders.programs()[name].info().parameters;
+    parameters.iter().fold(ShaderUse::named(name), |shader, parameter| match parameter.kind {
+        ParameterKind::Float => shader.with(parameter.name.clone(), random.value(parameter).x),
+        ParameterKind::Color | ParameterKind::Vector => shader.with(parameter.name.clone(), Vec3::ONE),
+    })
+}
+
+#[test]
+fn no_shader_gives_more_than_it_gets() {
+    let shaders = ShaderRegistry::built_in();
+    let mut cache = InterfaceCache::new();
+    let (mut scratch, mut surfaces) = (ShadeScratch::default(), Surfaces::default());
+    let mut failures = Vec::new();
+    for (index, name) in shaders.programs().keys().enumerate() {
+        for round in 0..6 {
+            let mut random = Random::new(500 + 10 * index as u32 + round);
+            let solid = Material::glass("", 1.5);
+            let plain = Material { roughness: 0.4, ..Material::default() };
+            let shader = Some(Arc::new(white_shader(&shaders, name, &mut random)));
+            let material = Arc::new(Material { shader, ..if round % 3 == 2 { solid } else { plain } });
+            let material =
+                SurfaceMaterial::new(MaterialId(0), &material, &BTreeMap::new(), &mut cache, &shaders);
+            scratch.points = random.points();
+            shade(LaneMode::default(), &material, &mut scratch, WIDTH, &mut surfaces);
+            for lane in 0..WIDTH {
+                let bsdf = surfaces.bsdf::<f32>((), lane);
+                let energy = furnace_by_sampling(&bsdf, 1 << 11).max_element();
+                if energy > 1.0 + 4.0 * TOLERANCE {
+                    failures.push(format!("{name}, round {round}, lane {lane}: {energy}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{} failures:\n{}", failures.len(), failures.join("\n"));
 }

@@ -8,6 +8,7 @@
 //! is compiled without the instruction set, and every operation in it becomes a call.
 
 mod math;
+pub mod noise;
 mod real;
 mod vector;
 mod whole;

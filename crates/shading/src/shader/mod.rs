@@ -6,6 +6,8 @@
 mod builtin;
 mod inputs;
 mod registry;
+#[cfg(test)]
+pub(crate) mod testing;
 
 use fearless_simd::{Level, Simd};
 

@@ -2,6 +2,7 @@
 
 use crate::bsdf::Lobes;
 use crate::closure::Closure;
+use crate::lanes::noise::LIMIT;
 use crate::lanes::{Real, Vector};
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
@@ -33,6 +34,7 @@ impl SurfaceShader for Checker {
         let per_cell = inputs.float(SIZE).recip();
         // A little inside, so that faces on a border between cubes do not flicker between them.
         let p = at.object_position * per_cell + Vector::grey(inputs.constant(1e-3));
+        let p = p.clamp(-LIMIT, LIMIT);
         let width = at.width * per_cell * at.object_axes[0].length();
         // The mean of the sign over the footprint is the product of the means along the axes.
         let sign = wave(p.x, width) * wave(p.y, width) * wave(p.z, width);
