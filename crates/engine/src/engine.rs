@@ -230,6 +230,7 @@ impl Backend for Engine {
         let film = Film::new(request);
         let rays = self.render_regions(request, integrator, &film, progress)?;
         let mut frame = film.finish();
+        frame.problems = self.compiled.shading(request.materials).take_problems();
         frame.stats = FrameStats { milliseconds: start.elapsed().as_secs_f64() * 1e3, rays };
         Ok(frame)
     }
