@@ -1,6 +1,7 @@
 //! What every importer carries along: limits with what is left of them, the files it may read, and diagnostics.
 
 use std::io::Read;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, Severity};
@@ -117,6 +118,11 @@ impl<'a> Context<'a> {
         let bytes = self.source.read(name, self.limits.file_bytes.min(self.memory_left()))?;
         self.memory = self.memory.saturating_add(bytes.len() as u64);
         Ok(bytes)
+    }
+
+    /// Where a file lies that the system is to load; see [`FileSource::locate`].
+    pub(crate) fn locate(&self, name: &str) -> Result<PathBuf, SourceError> {
+        self.source.locate(name)
     }
 
     /// Decompresses gzip data, bounded by the limits.
