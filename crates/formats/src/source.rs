@@ -149,7 +149,9 @@ pub(crate) fn read_named(path: &Path, limits: &Limits) -> Result<Vec<u8>, LoadEr
             LoadError::limit(place.clone(), "bytes", size, "file_bytes", limit)
         }
         SourceError::Io(source) => io_error(source),
-        SourceError::NotFound | SourceError::NoFiles | SourceError::Outside => io_error(io::ErrorKind::NotFound.into()),
+        SourceError::NotFound | SourceError::NoFiles | SourceError::Outside => {
+            io_error(io::ErrorKind::NotFound.into())
+        }
     })
 }
 
@@ -211,7 +213,8 @@ mod tests {
         assert!(source.locate("shaders/wood.so").unwrap().ends_with("scene/shaders/wood.so"));
         assert!(source.locate("./shaders/wood.so").is_ok());
         assert!(source.locate("none.so").unwrap().ends_with("none.so"));
-        for outside in ["../out.so", "shaders/../../out.so", "/out.so", "C:/out.so", "a\\..\\..\\out.so", ""] {
+        for outside in ["../out.so", "shaders/../../out.so", "/out.so", "C:/out.so", "a\\..\\..\\out.so", ""]
+        {
             assert!(matches!(source.locate(outside), Err(SourceError::Outside)), "{outside}");
         }
         #[cfg(unix)]

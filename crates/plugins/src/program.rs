@@ -127,7 +127,14 @@ impl Instance {
     }
 
     /// Lets the plug-in shade with these values of its parameters.
-    fn call(&self, count: usize, points: &Points, inputs: &[Input], values: &[Vectors], closures: &mut Closures) {
+    fn call(
+        &self,
+        count: usize,
+        points: &Points,
+        inputs: &[Input],
+        values: &[Vectors],
+        closures: &mut Closures,
+    ) {
         let mut table = [null(); HELIOSTAT_MAX_PARAMETERS];
         for (value, to) in values.iter().zip(&mut table) {
             *to = vectors(value);
@@ -253,7 +260,8 @@ unsafe extern "C" fn sample(
     alpha: *mut HeliostatFloats,
 ) -> i32 {
     let count = count as usize;
-    if callbacks.is_null() || u.is_null() || v.is_null() || width.is_null() || rgb.is_null() || count > WIDTH {
+    if callbacks.is_null() || u.is_null() || v.is_null() || width.is_null() || rgb.is_null() || count > WIDTH
+    {
         return 1;
     }
     // SAFETY: the plug-in passes the callbacks that it was given, whose context is the slice of inputs, while it shades.

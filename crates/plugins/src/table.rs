@@ -115,8 +115,7 @@ fn read_parameters(shader: &HeliostatShader) -> Result<Vec<Parameter>, String> {
     let entries = unsafe { std::slice::from_raw_parts(shader.parameters, count) };
     let mut parameters: Vec<Parameter> = Vec::new();
     for (index, entry) in entries.iter().enumerate() {
-        let parameter =
-            read_parameter(entry).map_err(|problem| format!("parameter {index}: {problem}"))?;
+        let parameter = read_parameter(entry).map_err(|problem| format!("parameter {index}: {problem}"))?;
         if parameters.iter().any(|p| p.name == parameter.name) {
             return Err(format!("it has two parameters `{}`", parameter.name));
         }
@@ -137,7 +136,8 @@ fn read_parameter(entry: &HeliostatParameter) -> Result<Parameter, String> {
     if !(low.is_finite() && high.is_finite() && low <= high) {
         return Err(format!("`{name}` has the range {low} to {high}"));
     }
-    let used = if kind == ParameterKind::Float { &entry.default_value[..1] } else { &entry.default_value[..] };
+    let used =
+        if kind == ParameterKind::Float { &entry.default_value[..1] } else { &entry.default_value[..] };
     if let Some(value) = used.iter().find(|value| !(low..=high).contains(*value)) {
         return Err(format!("the default {value} of `{name}` is not in its range {low} to {high}"));
     }

@@ -51,7 +51,9 @@ fn the_header_compiles_as_c11_and_cpp17() {
             Ok(output) => {
                 assert!(output.status.success(), "{compiler}: {}", String::from_utf8_lossy(&output.stderr));
             }
-            Err(error) => eprintln!("note: {standard} was not tested, since `{compiler}` does not run: {error}"),
+            Err(error) => {
+                eprintln!("note: {standard} was not tested, since `{compiler}` does not run: {error}")
+            }
         }
     }
 }

@@ -80,7 +80,8 @@ fn mistakes_cost_the_shader_and_not_the_scene() {
         assert_eq!(loaded.diagnostics.len(), 1, "{shader}: {:?}", loaded.diagnostics);
         assert!(material(&applied(&loaded)).shader.is_none());
     }
-    let loaded = read(&document(json!({"heliostat_shader": {"name": "a", "parameters": {"x": 1e39}}}))).unwrap();
+    let loaded =
+        read(&document(json!({"heliostat_shader": {"name": "a", "parameters": {"x": 1e39}}}))).unwrap();
     assert_eq!(loaded.diagnostics.len(), 1, "{:?}", loaded.diagnostics);
     assert!(material(&applied(&loaded)).shader.as_ref().unwrap().parameters.is_empty());
 }
