@@ -300,7 +300,8 @@ fn a_library_stays_as_long_as_a_shader_of_it() {
     let mut closures = Closures { normal: unit, coat_normal: unit, ..Closures::default() };
     prepared.run(LaneMode::Single, 3, &points, &inputs, &mut closures);
     assert_eq!(prepared.take_problem(), None);
-    assert_eq!(closures.base_color.get(0), Vec3::ONE);
+    // The cell around the origin is of the first colour; the width of the filter, of a cell's ten thousandth, costs digits.
+    assert!((closures.base_color.get(0) - Vec3::ONE).abs().max_element() < 1e-3);
 }
 
 /// A wall of glTF whose material names a plug-in beside the file.

@@ -1,5 +1,6 @@
 //! Loads shared libraries and asks them for their table.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use libloading::Library;
@@ -22,7 +23,11 @@ pub(crate) fn open(path: &Path) -> Result<Loaded, PluginError> {
     let opened = std::thread::scope(|scope| scope.spawn(|| open_here(path)).join());
     match opened {
         Ok(Ok(library)) => Ok(Loaded { file, library }),
-        Ok(Err(error)) => Err(PluginError::Library { file, problem: error.to_string() }),
+        Ok(Err(error)) => {
+            // The system's own words are the cause of the loader's.
+            let problem = error.source().map_or_else(|| error.to_string(), ToString::to_string);
+            Err(PluginError::Library { file, problem })
+        }
         Err(_) => Err(PluginError::Library { file, problem: "its start-up code panicked".into() }),
     }
 }
