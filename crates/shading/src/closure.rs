@@ -208,3 +208,55 @@ fn beyond<F: Real>(x: F, low: f32, high: f32) -> F::Mask {
 fn beyond_all<F: Real>(v: Vector<F>, high: f32) -> F::Mask {
     beyond(v.x, 0.0, high) | beyond(v.y, 0.0, high) | beyond(v.z, 0.0, high)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White plaster in every lane.
+    fn sound() -> Closures {
+        let mut closures = Closures { opacity: Floats::splat(1.0), ..Closures::default() };
+        for vectors in [&mut closures.normal, &mut closures.coat_normal] {
+            vectors.z = Floats::splat(1.0);
+        }
+        closures
+    }
+
+    #[test]
+    fn answers_that_make_no_sense_are_marked_lane_by_lane() {
+        let points = Points { ng: sound().normal, ..Points::default() };
+        let spoil: [(&str, fn(&mut Closures)); 7] = [
+            ("base_color", |c| c.base_color.y.0[5] = f32::NAN),
+            ("opacity", |c| c.opacity.0[5] = 1.5),
+            ("metallic", |c| c.metallic.0[5] = -0.1),
+            ("emission", |c| c.emission.z.0[5] = f32::INFINITY),
+            ("ambient", |c| c.ambient.x.0[5] = f32::NEG_INFINITY),
+            ("normal", |c| c.normal.z.0[5] = 0.0),
+            ("coat_normal", |c| c.coat_normal.x.0[5] = f32::NAN),
+        ];
+        for mode in [LaneMode::default(), LaneMode::Single] {
+            for (field, spoil) in spoil {
+                let mut closures = sound();
+                spoil(&mut closures);
+                let mut untouched = closures.clone();
+                assert_eq!(untouched.mark_faults(mode, 5, &points), None, "beyond the count: {field}");
+                assert_eq!(closures.mark_faults(mode, 6, &points), Some(field));
+                assert_eq!(closures.emission.get(5), glam::Vec3::new(1.0, 0.0, 1.0), "{field}");
+                assert_eq!(closures.emission.get(4), glam::Vec3::ZERO, "{field}");
+                assert_eq!(closures.mark_faults(mode, WIDTH, &points), None, "the mark makes sense: {field}");
+            }
+        }
+    }
+
+    #[test]
+    fn rounding_is_no_fault() {
+        for mode in [LaneMode::default(), LaneMode::Single] {
+            let mut closures = sound();
+            closures.base_color.x = Floats::splat(1.001);
+            closures.opacity = Floats::splat(-0.001);
+            closures.normal.z = Floats::splat(0.999);
+            closures.emission.x = Floats::splat(f32::MAX);
+            assert_eq!(closures.mark_faults(mode, WIDTH, &Points::default()), None);
+        }
+    }
+}
