@@ -32,6 +32,7 @@ pub use heliostat_builtin as builtin;
 pub use heliostat_engine as engine;
 pub use heliostat_formats as formats;
 pub use heliostat_kernel as kernel;
+pub use heliostat_plugins as plugins;
 pub use heliostat_scene as scene;
 pub use heliostat_shading as shading;
 pub use heliostat_transport as transport;

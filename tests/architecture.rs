@@ -14,7 +14,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("heliostat-engine", &["kernel", "scene", "shading", "transport"]),
     ("heliostat-formats", &["scene"]),
     ("heliostat-builtin", &["scene"]),
-    ("heliostat", &["builtin", "engine", "formats", "kernel", "scene", "shading", "transport"]),
+    ("heliostat-plugins", &["scene", "shading"]),
+    ("heliostat", &["builtin", "engine", "formats", "kernel", "plugins", "scene", "shading", "transport"]),
     ("heliostat-bench", &[""]),
 ];
 

@@ -10,10 +10,12 @@ use glam::{Mat3, Vec3};
 use heliostat::engine::{self, Engine, EngineOptions};
 use heliostat::grouping::{GroupingOptions, group};
 use heliostat::lighting;
+use heliostat::plugins::Plugins;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
     MaterialOverride, Plane, RebuildKind, Scene,
 };
+use heliostat::shading::ShaderRegistry;
 use serde_json::{Value, json};
 
 use super::failure::Failure;
@@ -99,6 +101,9 @@ pub(super) struct Arguments {
     /// Leave a scene without any light dark
     #[arg(long)]
     no_default_light: bool,
+    /// Load the shader plug-ins that the scene names: they run with all your rights, so allow only what you trust
+    #[arg(long)]
+    allow_plugins: bool,
     /// Write a report as JSON, one line per frame
     #[arg(long)]
     json: bool,
@@ -231,8 +236,12 @@ fn build(arguments: &Arguments, edits: Vec<Edit>) -> Result<(Engine, ApplyReport
         },
         ..EngineOptions::default()
     };
+    let mut shaders = ShaderRegistry::built_in();
+    if arguments.allow_plugins {
+        shaders.allow_plugins(Arc::new(Plugins::default()));
+    }
     console::with_progress("building", move |progress| {
-        let mut engine = Engine::new(options)?;
+        let mut engine = Engine::with_shaders(options, shaders)?;
         let applied = engine.apply(&edits, progress)?;
         Ok((engine, applied))
     })
@@ -260,9 +269,7 @@ fn render(
                 Ok((engine, applied))
             })?;
         }
-        for warning in applied.warnings.iter().filter(|warning| warned.insert((*warning).clone())) {
-            console::message(&format!("warning: {warning}"));
-        }
+        warn(&mut warned, applied.warnings.iter().chain(&applied.problems));
         // The scene's cameras may move; one that was found for it stands still.
         let camera = match (camera::choose(&arguments.camera, engine.scene())?, framed.clone()) {
             (Some(camera), _) | (None, Some(camera)) => camera,
@@ -279,6 +286,7 @@ fn render(
             let frame = engine.render(&request, progress)?;
             Ok((engine, request, frame))
         })?;
+        warn(&mut warned, &frame.problems);
         let (files, ev) = pictures.add(number, &frame)?;
         report(
             arguments,
@@ -296,6 +304,15 @@ struct Finished<'a> {
     frame: &'a Frame,
     files: Vec<PathBuf>,
     ev: Option<f32>,
+}
+
+/// Says what was not said before.
+fn warn<'a>(said: &mut BTreeSet<String>, warnings: impl IntoIterator<Item = &'a String>) {
+    for warning in warnings {
+        if said.insert(warning.clone()) {
+            console::message(&format!("warning: {warning}"));
+        }
+    }
 }
 
 fn note(text: &str) {
@@ -403,5 +420,6 @@ fn apply_report(applied: &ApplyReport) -> Value {
         "milliseconds": applied.milliseconds,
         "rebuilt": rebuilt.collect::<Vec<_>>(),
         "warnings": applied.warnings,
+        "problems": applied.problems,
     })
 }

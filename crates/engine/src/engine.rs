@@ -301,6 +301,7 @@ impl Backend for Engine {
         let film = Film::new(request);
         let stats = self.render_frame(request, renderer, &film, progress)?;
         let mut frame = film.finish();
+        frame.problems = self.compiled.shading(request.materials).take_problems();
         frame.stats = stats;
         Ok(frame)
     }

@@ -21,7 +21,7 @@ impl Film {
         let planes = request.planes.iter().map(plane).collect();
         let (color, stats) = (vec![Vec3::ZERO; pixels], FrameStats::default());
         Self {
-            frame: Mutex::new(Frame { width, height, color, planes, stats }),
+            frame: Mutex::new(Frame { width, height, color, planes, stats, problems: Vec::new() }),
             per_sample: 1.0 / request.samples as f32,
         }
     }

@@ -1,6 +1,7 @@
 //! What every importer carries along: limits with what is left of them, the files it may read, and diagnostics.
 
 use std::io::Read;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, Severity};
@@ -122,6 +123,11 @@ impl<'a> Context<'a> {
     /// The names of the files in a folder beside the loaded one.
     pub(crate) fn list(&self, folder: &str) -> Vec<String> {
         self.source.list(folder)
+    }
+
+    /// Where a file lies that the system is to load; see [`FileSource::locate`].
+    pub(crate) fn locate(&self, name: &str) -> Result<PathBuf, SourceError> {
+        self.source.locate(name)
     }
 
     /// Decompresses gzip data, bounded by the limits.

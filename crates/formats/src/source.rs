@@ -24,6 +24,15 @@ pub trait FileSource {
         let _ = relative;
         Vec::new()
     }
+
+    /// Where the file called `relative` lies or would lie, for files that are not read but loaded by the system. Other than
+    /// for [`Self::read`], it must lie below the scene file's own folder.
+    ///
+    /// # Errors
+    /// [`SourceError::Outside`] for a name that leads out of the folder, [`SourceError::NoFiles`] where there is none.
+    fn locate(&self, _relative: &str) -> Result<PathBuf, SourceError> {
+        Err(SourceError::NoFiles)
+    }
 }
 
 /// Why a [`FileSource`] did not deliver.
@@ -42,6 +51,9 @@ pub enum SourceError {
         /// In bytes.
         limit: u64,
     },
+    /// The name leads out of the scene file's folder.
+    #[error("it must be a relative path that stays in the scene file's folder")]
+    Outside,
     /// The operating system's reason.
     #[error("{0}")]
     Io(#[from] io::Error),
@@ -105,6 +117,22 @@ impl FileSource for Directory {
         names.sort_unstable();
         names
     }
+
+    fn locate(&self, relative: &str) -> Result<PathBuf, SourceError> {
+        // By its words first: on every system, backslashes and drives are not part of names here.
+        let plain = |part: &str| !part.is_empty() && part != ".." && !part.contains(['\\', ':', '\0']);
+        if !relative.split('/').all(plain) {
+            return Err(SourceError::Outside);
+        }
+        // Links are followed then. What is not there leads nowhere; whoever loads it says so.
+        let folder = if self.0.as_os_str().is_empty() { Path::new(".") } else { &self.0 };
+        let path = folder.join(relative);
+        match (path.canonicalize(), folder.canonicalize()) {
+            (Ok(real), Ok(folder)) if !real.starts_with(&folder) => Err(SourceError::Outside),
+            (Ok(real), _) => Ok(real),
+            (Err(_), _) => Ok(path),
+        }
+    }
 }
 
 /// Most files that [`Directory`] lists of a folder.
@@ -156,7 +184,9 @@ pub(crate) fn read_named(path: &Path, limits: &Limits) -> Result<Vec<u8>, LoadEr
             LoadError::limit(place.clone(), "bytes", size, "file_bytes", limit)
         }
         SourceError::Io(source) => io_error(source),
-        SourceError::NotFound | SourceError::NoFiles => io_error(io::ErrorKind::NotFound.into()),
+        SourceError::NotFound | SourceError::NoFiles | SourceError::Outside => {
+            io_error(io::ErrorKind::NotFound.into())
+        }
     })
 }
 
@@ -208,6 +238,29 @@ mod tests {
         assert_eq!(source.list("textures"), ["Wood.PNG"]);
         assert_eq!(source.list(".."), ["shared.bin"]);
         assert_eq!(source.list("none"), [""; 0]);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn libraries_lie_in_the_folder() {
+        let folder = std::env::temp_dir().join(format!("heliostat-locate-{}", std::process::id()));
+        std::fs::create_dir_all(folder.join("scene/shaders")).unwrap();
+        std::fs::write(folder.join("scene/shaders/wood.so"), b"").unwrap();
+        std::fs::write(folder.join("out.so"), b"").unwrap();
+        let source = Directory(folder.join("scene"));
+        assert!(source.locate("shaders/wood.so").unwrap().ends_with("scene/shaders/wood.so"));
+        assert!(source.locate("./shaders/wood.so").is_ok());
+        assert!(source.locate("none.so").unwrap().ends_with("none.so"));
+        for outside in ["../out.so", "shaders/../../out.so", "/out.so", "C:/out.so", "a\\..\\..\\out.so", ""]
+        {
+            assert!(matches!(source.locate(outside), Err(SourceError::Outside)), "{outside}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(folder.join("out.so"), folder.join("scene/link.so")).unwrap();
+            assert!(matches!(source.locate("link.so"), Err(SourceError::Outside)));
+        }
+        assert!(matches!(NoFiles.locate("a.so"), Err(SourceError::NoFiles)));
         std::fs::remove_dir_all(folder).unwrap();
     }
 

@@ -32,6 +32,9 @@ pub struct ApplyReport {
     pub milliseconds: f64,
     /// What the user should know, such as instances left out for a singular transform.
     pub warnings: Vec<String>,
+    /// What is not as the scene asks, in the materials that these edits compiled: shaders and parameters that there are
+    /// not, plug-ins that may not or cannot be loaded. A placeholder stands for each.
+    pub problems: Vec<String>,
 }
 
 /// One thing that was rebuilt.

@@ -201,6 +201,9 @@ pub struct Frame {
     pub planes: Vec<PlaneData>,
     /// What it took.
     pub stats: FrameStats,
+    /// What went wrong on the way and shows in the picture, such as a plug-in shader that answers nonsense. Each is told
+    /// once, with the first picture that has it.
+    pub problems: Vec<String>,
 }
 
 /// What a frame took.

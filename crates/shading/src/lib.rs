@@ -54,8 +54,8 @@ pub use receive::{PointLight, Received, Taking};
 pub use sampler::{Sampler, points};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
-    Input, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, ShaderRegistry, SurfaceProgram,
-    SurfaceShader, UnknownShader,
+    Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,
+    ShaderRegistry, SurfaceProgram, SurfaceShader,
 };
 pub use sort::{HitPacket, HitSorter};
 pub use surface::{LaneMode, ShadeScratch, Surface, Surfaces};

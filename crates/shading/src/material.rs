@@ -13,7 +13,7 @@ use crate::color::Rgba;
 use crate::lanes::{LaneFn, Real, Vector};
 use crate::lobes::effective_ior;
 use crate::microfacet::SMOOTH_ALPHA;
-use crate::shader::{Input, ShaderRegistry, SurfaceProgram, inputs};
+use crate::shader::{Bound, ShaderProblem, ShaderRegistry};
 use crate::texture::MipMap;
 
 /// A texture in use: the pyramid and how coordinates map to it.
@@ -45,16 +45,8 @@ pub struct SurfaceMaterial {
     textured: bool,
     /// The lobes that may have energy somewhere.
     lobes: Lobes,
-    pub(crate) shader: Option<BoundShader>,
-}
-
-/// A shader with the values of its parameters.
-#[derive(Clone, Debug)]
-pub(crate) struct BoundShader {
-    pub(crate) program: Arc<dyn SurfaceProgram>,
-    pub(crate) inputs: Vec<Input>,
-    /// Whether it may make an opaque material let light pass.
-    see_through: bool,
+    pub(crate) shader: Option<Bound>,
+    problem: Option<ShaderProblem>,
 }
 
 /// Texture coordinates at a point: both sets, and the footprint per set.
@@ -91,12 +83,12 @@ impl SurfaceMaterial {
             interfaces.entry(ior.to_bits()).or_insert_with(|| Arc::new(InterfaceTables::new(ior))).clone()
         });
         let mut lobes = possible_lobes(source);
+        let mut problem = None;
         let shader = source.shader.as_ref().filter(|_| !source.unlit).map(|wanted| {
-            let program = shaders.find_or_placeholder(wanted);
-            let info = program.info();
-            lobes = lobes.union(info.lobes);
-            let inputs = inputs(&info.parameters, wanted, textures);
-            BoundShader { program, inputs, see_through: info.see_through }
+            let (bound, why) = shaders.bind(wanted, textures);
+            lobes = lobes.union(bound.info.lobes);
+            problem = why;
+            bound
         });
         Self {
             id,
@@ -115,7 +107,13 @@ impl SurfaceMaterial {
             textured: source.textures().next().is_some() || shader.is_some(),
             lobes,
             shader,
+            problem,
         }
+    }
+
+    /// Why it has a placeholder instead of its shader.
+    pub fn problem(&self) -> Option<&ShaderProblem> {
+        self.problem.as_ref()
     }
 
     /// The lobes that may have energy somewhere.
@@ -157,7 +155,7 @@ impl SurfaceMaterial {
         let may_be_smooth =
             m.roughness * m.roughness <= SMOOTH_ALPHA || m.metallic_roughness_texture.is_some();
         m.alpha_mode != AlphaMode::Opaque
-            || self.shader.as_ref().is_some_and(|shader| shader.see_through)
+            || self.shader.as_ref().is_some_and(|shader| shader.info.see_through)
             || (m.transmission > 0.0 && m.volume.is_none() && may_be_smooth && !m.unlit)
     }
 

@@ -142,6 +142,11 @@ impl ShadingScene {
         self.tables().part(hit.path.0 as u32, hit.geometry)
     }
 
+    /// What went wrong in shaders as they ran and was not told before.
+    pub fn take_problems(&self) -> Vec<String> {
+        self.materials.iter().filter_map(|m| m.shader.as_ref()?.program.take_problem()).collect()
+    }
+
     /// Index of the material that was hit. `hit` must be a hit.
     pub fn material_of(&self, hit: &Hit) -> u32 {
         let placement = &self.placements[hit.path.0 as usize];

@@ -177,7 +177,7 @@ impl Compiled {
         if let Some(environment) = environment {
             self.environment = environment;
         }
-        self.update_tables(scene, &changes, &touched);
+        self.update_tables(scene, &changes, &touched, &mut report);
         self.start_rebuilds(scene, &touched.worn);
         Ok(report)
     }

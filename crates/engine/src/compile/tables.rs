@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Affine3A;
 use heliostat_kernel as kernel;
 use heliostat_scene::{
-    BackendError, InstanceId, MaterialId, MaterialOverride, Object, ObjectId, Scene, SceneBounds,
+    ApplyReport, BackendError, InstanceId, MaterialId, MaterialOverride, Object, ObjectId, Scene, SceneBounds,
 };
 use heliostat_shading::{Placement, ShadedPart, ShadingScene, SurfaceMaterial, Sweep};
 
@@ -31,15 +31,22 @@ impl Compiled {
     }
 
     /// Brings the shader tables up to date with everything else.
-    pub(super) fn update_tables(&mut self, scene: &Scene, changes: &Changes, touched: &Touched) {
+    pub(super) fn update_tables(
+        &mut self,
+        scene: &Scene,
+        changes: &Changes,
+        touched: &Touched,
+        report: &mut ApplyReport,
+    ) {
         self.diffuse = None;
         let same_materials = scene.materials().keys().eq(&self.materials);
         let relight = if touched.structure || !same_materials {
             self.materials = scene.materials().keys().copied().collect();
             self.shading = self.tables(scene);
+            report.problems.extend(self.shading.materials().iter().filter_map(problem));
             true
         } else {
-            let materials = self.patch_materials(scene, changes);
+            let materials = self.patch_materials(scene, changes, report);
             self.patch_shapes(scene, touched) | self.patch_placements(touched) | materials
         };
         let bounds = self.bounds();
@@ -107,7 +114,7 @@ impl Compiled {
     }
 
     /// Recompiles materials that changed, or whose textures did. Says whether lights did.
-    fn patch_materials(&mut self, scene: &Scene, changes: &Changes) -> bool {
+    fn patch_materials(&mut self, scene: &Scene, changes: &Changes, report: &mut ApplyReport) -> bool {
         let mut dirty: BTreeSet<MaterialId> = changes.materials.clone();
         if !changes.textures.is_empty() {
             let users = scene.materials().iter().filter(|(_, material)| {
@@ -126,6 +133,7 @@ impl Compiled {
                 (index, material)
             })
             .collect();
+        report.problems.extend(replaced.iter().filter_map(|(_, material)| problem(material)));
         let shines = |material: &SurfaceMaterial| material.source().is_emissive();
         let lights =
             replaced.iter().any(|(index, now)| shines(now) || shines(&self.shading.materials()[*index]));
@@ -157,6 +165,12 @@ impl Compiled {
         let patch = Patch { touched, emits: &emits };
         patch.descend(self.world.root(), None, &Way::default(), self.shading.placements_mut())
     }
+}
+
+/// What a material has to complain about.
+fn problem(material: &SurfaceMaterial) -> Option<String> {
+    let problem = material.problem()?;
+    Some(format!("material `{}`: {}; a placeholder takes its place", material.source().name, problem.0))
 }
 
 fn shaded_parts(scene: &Scene, object: &Object, slot: impl Fn(MaterialId) -> u32) -> Arc<[ShadedPart]> {

@@ -203,6 +203,46 @@ pub(super) struct Material {
     pub(super) alpha_cutoff: Option<f32>,
     pub(super) double_sided: bool,
     pub(super) extensions: Option<Box<MaterialExtensions>>,
+    pub(super) extras: Option<Box<MaterialExtras>>,
+}
+
+/// What other programs keep in a material, and our shader, which is read later: a mistake in it costs the shader alone.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum MaterialExtras {
+    Ours { heliostat_shader: serde_json::Value },
+    Others(IgnoredAny),
+}
+
+/// A material's shader: one of the engine by its `name`, or `shader` of the library `plugin`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialShader {
+    pub(super) name: Option<String>,
+    pub(super) plugin: Option<String>,
+    pub(super) shader: Option<String>,
+    #[serde(default)]
+    pub(super) parameters: BTreeMap<String, ShaderParameter>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum ShaderParameter {
+    Float(f32),
+    Vector([f32; 3]),
+    Texture(ShaderTexture),
+}
+
+/// A reference to a texture, with what it is multiplied by.
+#[derive(Debug, Deserialize)]
+pub(super) struct ShaderTexture {
+    #[serde(flatten)]
+    pub(super) info: TextureInfo,
+    #[serde(default = "white")]
+    pub(super) factor: [f32; 3],
+    /// Whether its values are data as they stand, and not colours in sRGB.
+    #[serde(default)]
+    pub(super) linear: bool,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,5 +1,7 @@
 //! Materials: the core model and its extensions.
 
+use std::sync::Arc;
+
 use glam::{Vec3, Vec4};
 use heliostat_scene::{AlphaMode, Clearcoat, ColorSpace, Material, MaterialId, Volume};
 
@@ -57,6 +59,9 @@ impl Loader<'_, '_> {
             if let Some(clearcoat) = &extensions.clearcoat {
                 material.clearcoat = self.clearcoat(clearcoat, path)?;
             }
+        }
+        if let Some(json::MaterialExtras::Ours { heliostat_shader }) = definition.extras.as_deref() {
+            material.shader = self.shader(heliostat_shader, path)?.map(Arc::new);
         }
         Ok(material)
     }

@@ -11,6 +11,11 @@
 //! A volume of thickness 0 is a thin sheet, as the extension has it. An unknown extension that the document
 //! requires is an error, another one a warning.
 //!
+//! A material may name a surface shader in its `extras`: `{"heliostat_shader": {"name": "checker"}}` one of the engine's
+//! own, `{"heliostat_shader": {"plugin": "FILE", "shader": "NAME"}}` one of a shared library in the document's folder.
+//! `"parameters": {…}` beside it sets them to numbers, `[x, y, z]`, or textures: `{"index": 0, "factor": [r, g, b]}`, with
+//! `"linear": true` for data and what else a reference to a texture may have.
+//!
 //! Triangles, strips and fans are shown; points and lines are skipped with a warning. Meshes without normals are
 //! flat. KHR_node_visibility hides instances and darkens lights.
 //!
@@ -48,6 +53,7 @@ mod mesh;
 mod nodes;
 mod punctual;
 mod rig;
+mod shader;
 mod texture;
 mod track;
 
@@ -55,6 +61,8 @@ mod track;
 mod animation_tests;
 #[cfg(test)]
 mod material_tests;
+#[cfg(test)]
+mod shader_tests;
 #[cfg(test)]
 mod tests;
 

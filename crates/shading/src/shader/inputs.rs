@@ -1,8 +1,8 @@
 //! The values of a shader's parameters at points.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 
-use crate::lanes::{Real, Vector};
+use crate::lanes::{LaneFn, Real, Vector, Vectors};
 use crate::material::{Slot, TextureCoordinates};
 use crate::point::Points;
 
@@ -13,6 +13,42 @@ pub struct Input {
     pub(crate) factor: Vec3,
     /// Multiplies the factor.
     pub(crate) texture: Option<Slot>,
+}
+
+impl Input {
+    /// The same value everywhere.
+    pub fn constant(value: Vec3) -> Self {
+        Self { factor: value, texture: None }
+    }
+
+    /// The value, or what the texture is multiplied by.
+    pub fn factor(&self) -> Vec3 {
+        self.factor
+    }
+
+    /// Whether a texture makes it vary from point to point.
+    pub fn is_textured(&self) -> bool {
+        self.texture.is_some()
+    }
+
+    /// The values at the first `count` points.
+    pub fn values(&self, points: &Points, count: usize, out: &mut Vectors) {
+        for lane in 0..count {
+            let texel = self
+                .texture
+                .as_ref()
+                .map_or(Vec3::ONE, |slot| slot.lookup(&points.coordinates::<f32>((), lane)).rgb.into());
+            out.set(lane, self.factor * texel);
+        }
+    }
+
+    /// The value, and the texture's alpha, at texture coordinates other than those of the point, filtered over `width` of
+    /// them. Anything that is not finite counts as 0.
+    pub fn sample(&self, uv: Vec2, width: f32) -> Vec4 {
+        let texel =
+            self.texture.as_ref().map_or(Vec4::ONE, |slot| slot.at([uv.x, uv.y, width.log2()]).into());
+        self.factor.extend(1.0) * texel
+    }
 }
 
 /// The parameters of a shader at points.

@@ -9,6 +9,8 @@ mod registry;
 #[cfg(test)]
 pub(crate) mod testing;
 
+use std::sync::Arc;
+
 use fearless_simd::{Level, Simd};
 
 use crate::bsdf::Lobes;
@@ -19,8 +21,8 @@ use crate::point::Points;
 use crate::surface::LaneMode;
 
 pub use inputs::{Input, Inputs};
-pub(crate) use registry::inputs;
-pub use registry::{ShaderRegistry, UnknownShader};
+pub(crate) use registry::Bound;
+pub use registry::{PluginSource, ShaderProblem, ShaderRegistry};
 
 /// What a parameter holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,6 +125,19 @@ pub trait SurfaceProgram: Send + Sync + std::fmt::Debug {
 
     /// Changes the first `count` closures. `inputs` are in the order of the parameters.
     fn run(&self, mode: LaneMode, count: usize, points: &Points, inputs: &[Input], closures: &mut Closures);
+
+    /// The program that runs with these inputs and no others, if the shader wants to prepare something for them.
+    ///
+    /// # Errors
+    /// Why the shader cannot work with them, and what to do.
+    fn prepared(&self, _inputs: &[Input]) -> Result<Option<Arc<dyn SurfaceProgram>>, String> {
+        Ok(None)
+    }
+
+    /// What went wrong while it ran and was not told before.
+    fn take_problem(&self) -> Option<String> {
+        None
+    }
 }
 
 /// Makes every lane shader a program.

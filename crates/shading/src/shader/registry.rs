@@ -1,6 +1,7 @@
 //! Shaders by name.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use heliostat_scene::{ParameterValue, ShaderRef, ShaderUse, TextureId};
@@ -19,11 +20,30 @@ use crate::texture::MipMap;
 #[derive(Clone, Debug, Default)]
 pub struct ShaderRegistry {
     programs: BTreeMap<String, Arc<dyn SurfaceProgram>>,
+    plugins: Option<Arc<dyn PluginSource>>,
 }
 
-/// A material names a shader or a parameter that there is not.
+/// Where the shaders of shared libraries come from.
+pub trait PluginSource: Send + Sync + std::fmt::Debug {
+    /// The shader of that name in a library.
+    ///
+    /// # Errors
+    /// Why there is none, who is at fault, and what to do.
+    fn shader(&self, file: &Path, shader: &str) -> Result<Arc<dyn SurfaceProgram>, String>;
+}
+
+/// Why a material goes without the shader that it names: there is no such shader or parameter, it cannot be loaded, or it
+/// refuses its parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UnknownShader(pub String);
+pub struct ShaderProblem(pub String);
+
+/// A shader with the values of its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Bound {
+    pub(crate) program: Arc<dyn SurfaceProgram>,
+    pub(crate) inputs: Vec<Input>,
+    pub(crate) info: ShaderInfo,
+}
 
 impl ShaderRegistry {
     /// The shaders that come with the engine.
@@ -48,43 +68,78 @@ impl ShaderRegistry {
         &self.programs
     }
 
-    /// The program that a material names, or one that shows that there is none.
-    pub(crate) fn find_or_placeholder(&self, wanted: &ShaderUse) -> Arc<dyn SurfaceProgram> {
-        self.find(wanted).cloned().unwrap_or_else(|_| Arc::new(OnLanes(Placeholder)))
+    /// Allows materials to name shaders of shared libraries. Whoever may edit the scene can then run code with all the
+    /// rights of this program.
+    pub fn allow_plugins(&mut self, source: Arc<dyn PluginSource>) {
+        self.plugins = Some(source);
+    }
+
+    /// The shader that a material names with its values, or one that shows that there is none, and why.
+    pub(crate) fn bind(
+        &self,
+        wanted: &ShaderUse,
+        textures: &BTreeMap<TextureId, Arc<MipMap>>,
+    ) -> (Bound, Option<ShaderProblem>) {
+        let bind = |program: Arc<dyn SurfaceProgram>| {
+            let info = program.info();
+            let inputs = inputs(&info.parameters, wanted, textures);
+            match program.prepared(&inputs) {
+                Ok(prepared) => Ok(Bound { program: prepared.unwrap_or(program), inputs, info }),
+                Err(problem) => Err(ShaderProblem(problem)),
+            }
+        };
+        self.find(wanted).and_then(bind).map_or_else(
+            |problem| {
+                let program = Arc::new(OnLanes(Placeholder));
+                let info = program.info();
+                (Bound { program, inputs: Vec::new(), info }, Some(problem))
+            },
+            |bound| (bound, None),
+        )
     }
 
     /// The program that a material names.
     ///
     /// # Errors
-    /// [`UnknownShader`] if there is no such shader or parameter; it names what there is.
-    pub fn find(&self, wanted: &ShaderUse) -> Result<&Arc<dyn SurfaceProgram>, UnknownShader> {
-        let name = match &wanted.shader {
-            ShaderRef::Named(name) => name,
+    /// [`ShaderProblem`] if there is no such shader or parameter; it names what there is. Or if the shader is one of a
+    /// library that cannot be loaded or may not.
+    pub fn find(&self, wanted: &ShaderUse) -> Result<Arc<dyn SurfaceProgram>, ShaderProblem> {
+        let (name, program) = match &wanted.shader {
+            ShaderRef::Named(name) => (name, self.named(name)?),
             ShaderRef::Plugin { file, shader } => {
-                let file = file.display();
-                return Err(UnknownShader(format!("shader `{shader}` of {file}: plug-ins are not loaded")));
+                let source = self.plugins.as_ref().ok_or_else(|| {
+                    let file = file.display();
+                    ShaderProblem(format!(
+                        "shader `{shader}` of {file}: plug-ins run as part of this program and were not allowed; if you \
+                         trust this one, allow them (`--allow-plugins`, `ShaderRegistry::allow_plugins`)"
+                    ))
+                })?;
+                (shader, source.shader(file, shader).map_err(ShaderProblem)?)
             }
         };
-        let program = self.programs.get(name).ok_or_else(|| {
-            let known: Vec<&str> = self.programs.keys().map(String::as_str).collect();
-            UnknownShader(format!("there is no shader `{name}`; there are: {}", known.join(", ")))
-        })?;
         let parameters = program.info().parameters;
         for parameter in wanted.parameters.keys() {
             if !parameters.iter().any(|p| p.name == *parameter) {
                 let known: Vec<&str> = parameters.iter().map(|p| p.name.as_str()).collect();
                 let known = known.join(", ");
-                return Err(UnknownShader(format!(
+                return Err(ShaderProblem(format!(
                     "shader `{name}` has no parameter `{parameter}`; it has: {known}"
                 )));
             }
         }
         Ok(program)
     }
+
+    fn named(&self, name: &str) -> Result<Arc<dyn SurfaceProgram>, ShaderProblem> {
+        self.programs.get(name).cloned().ok_or_else(|| {
+            let known: Vec<&str> = self.programs.keys().map(String::as_str).collect();
+            ShaderProblem(format!("there is no shader `{name}`; there are: {}", known.join(", ")))
+        })
+    }
 }
 
 /// The inputs of a shader in the order of its parameters.
-pub(crate) fn inputs(
+fn inputs(
     parameters: &[Parameter],
     wanted: &ShaderUse,
     textures: &BTreeMap<TextureId, Arc<MipMap>>,
