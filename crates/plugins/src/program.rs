@@ -248,7 +248,6 @@ fn closures_table(closures: &mut Closures) -> HeliostatClosures {
 }
 
 /// See [`HeliostatCallbacks::sample`].
-#[expect(clippy::too_many_arguments, reason = "a function of the C interface")]
 unsafe extern "C" fn sample(
     callbacks: *const HeliostatCallbacks,
     parameter: u32,

@@ -52,7 +52,7 @@ fn the_header_compiles_as_c11_and_cpp17() {
                 assert!(output.status.success(), "{compiler}: {}", String::from_utf8_lossy(&output.stderr));
             }
             Err(error) => {
-                eprintln!("note: {standard} was not tested, since `{compiler}` does not run: {error}")
+                eprintln!("note: {standard} was not tested, since `{compiler}` does not run: {error}");
             }
         }
     }

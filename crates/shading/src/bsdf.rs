@@ -304,10 +304,10 @@ impl<F: Real> Bsdf<F> {
         let zero = self.choice[0].splat(0.0);
         let mut chances = [zero; 5];
         let mut total = zero;
-        for group in 0..5 {
+        for (group, chance) in chances.iter_mut().enumerate() {
             if self.has(group) && !which.lobes.intersection(GROUPS[group]).is_empty() {
-                chances[group] = self.choice[group].only(which.takes(self.alpha(group)));
-                total = total + chances[group];
+                *chance = self.choice[group].only(which.takes(self.alpha(group)));
+                total = total + *chance;
             }
         }
         (chances, total)
@@ -321,15 +321,15 @@ impl<F: Real> Bsdf<F> {
         let above = self.ng.dot(wi).gt(zero);
         let mut f_cos = Vector::grey(zero);
         let mut pdf = zero;
-        for group in 0..5 {
-            let present = chances[group].gt(zero);
+        for (group, chance) in chances.into_iter().enumerate() {
+            let present = chance.gt(zero);
             let lobes = GROUPS[group].intersection(self.lobes).intersection(which.lobes);
             if lobes.is_empty() || !present.any() {
                 continue;
             }
             let (f, p) = self.group_value(group, lobes, wi, above);
             f_cos = f_cos + f.only(present);
-            pdf = pdf + (p * chances[group]).only(present);
+            pdf = pdf + (p * chance).only(present);
         }
         BsdfValue { f_cos, pdf: (pdf / total).only(total.gt(zero)) }
     }
@@ -360,21 +360,21 @@ impl<F: Real> Bsdf<F> {
         let mut rest = u_lobe * total;
         let mut done = zero.lt(zero);
         let (mut chosen, mut chance, mut u_branch) = (zero - 1.0, one, zero);
-        for group in 0..5 {
-            let take = chances[group].gt(zero) & !done;
+        for (group, own) in chances.into_iter().enumerate() {
+            let take = own.gt(zero) & !done;
             chosen = zero.splat(group as f32).where_or(take, chosen);
-            chance = chances[group].where_or(take, chance);
-            u_branch = (rest / chances[group]).where_or(take, u_branch);
-            done = done | (take & rest.lt(chances[group]));
-            rest = rest - chances[group].only(take);
+            chance = own.where_or(take, chance);
+            u_branch = (rest / own).where_or(take, u_branch);
+            done = done | (take & rest.lt(own));
+            rest = rest - own.only(take);
         }
         let u_branch = u_branch.clamp(0.0, ONE_MINUS_EPSILON);
         let mut taken = GroupSample::none(zero);
         let mut alpha = one;
-        for group in 0..5 {
+        for (group, lobes) in GROUPS.into_iter().enumerate() {
             let mine = chosen.equals(zero.splat(group as f32));
             if self.has(group) && mine.any() {
-                let lobes = GROUPS[group].intersection(self.lobes).intersection(which.lobes);
+                let lobes = lobes.intersection(self.lobes).intersection(which.lobes);
                 taken = self.group_sample(group, lobes, u_branch, u).where_or(mine, taken);
                 alpha = self.alpha(group).where_or(mine, alpha);
             }

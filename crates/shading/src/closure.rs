@@ -225,7 +225,8 @@ mod tests {
     #[test]
     fn answers_that_make_no_sense_are_marked_lane_by_lane() {
         let points = Points { ng: sound().normal, ..Points::default() };
-        let spoil: [(&str, fn(&mut Closures)); 7] = [
+        type Spoil = fn(&mut Closures);
+        let spoil: [(&str, Spoil); 7] = [
             ("base_color", |c| c.base_color.y.0[5] = f32::NAN),
             ("opacity", |c| c.opacity.0[5] = 1.5),
             ("metallic", |c| c.metallic.0[5] = -0.1),

@@ -169,6 +169,9 @@ impl Surfaces {
     }
 
     /// The surface of one lane.
+    ///
+    /// # Panics
+    /// If `lane` is not below [`WIDTH`].
     pub fn lane(&self, lane: usize) -> Surface<f32> {
         assert!(lane < WIDTH, "lane {lane} of {WIDTH}");
         self.load((), lane)

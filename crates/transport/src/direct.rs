@@ -76,7 +76,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
             };
             scene.illuminate(emitter, surfaces, along, *count, light);
             surfaces.evaluate(&light.wi, DULL, *count, values);
-            let mut f_cos = values.f_cos.clone();
+            let mut f_cos = values.f_cos;
             for side in SIDES {
                 if !surfaces.may_have(MIRRORS.among(side)) {
                     continue;

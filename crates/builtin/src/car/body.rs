@@ -29,7 +29,7 @@ pub(super) struct Body {
 }
 
 pub(super) fn parts() -> Body {
-    let hull = Shape::patch(640, 200, Vec2::new(2.0 * HALF_LENGTH, 4.0), |u, v| hull(u, v));
+    let hull = Shape::patch(640, 200, Vec2::new(2.0 * HALF_LENGTH, 4.0), hull);
     let mut trim = Shape::default();
     for x in AXLES {
         for side in [1.0, -1.0] {

@@ -3,6 +3,7 @@
 use super::{Real, Whole};
 
 /// 2^x with a relative error below 2e-7; the argument is moved into −126 ≤ x < 128.
+#[expect(clippy::approx_constant, reason = "a minimax coefficient is near ln 2, and not it")]
 #[inline(always)]
 pub fn exp2<F: Real>(x: F) -> F {
     let x = x.clamp(-126.0, 127.999_99);
@@ -10,9 +11,9 @@ pub fn exp2<F: Real>(x: F) -> F {
     let t = x - whole;
     let p = t * 2.170_225_6e-4 + 1.243_968_8e-3;
     let p = p * t + 9.678_841e-3;
-    let p = p * t + 5.548_334_2e-2;
+    let p = p * t + 5.548_334e-2;
     let p = p * t + 2.402_298_4e-1;
-    let p = p * t + 6.931_469_8e-1;
+    let p = p * t + 6.931_47e-1;
     let p = p * t + 1.0;
     // The power of two, by its bits.
     p * (whole + 127.0).truncate().left(23).as_real_bits()
@@ -31,13 +32,13 @@ pub fn log2<F: Real>(x: F) -> F {
     let mantissa = (above & bits.splat(0x007f_ffff)).plus(root_half).as_real_bits();
     let t = mantissa - 1.0;
     let p = t * 1.258_370_5e-1 + -2.072_697_6e-1;
-    let p = p * t + 2.157_156_0e-1;
+    let p = p * t + 2.157_156e-1;
     let p = p * t + -2.389_448_2e-1;
     let p = p * t + 2.879_162_5e-1;
     let p = p * t + -3.607_036_8e-1;
     let p = p * t + 4.809_106_4e-1;
     let p = p * t + -7.213_473_5e-1;
-    let p = p * t + 1.442_695_0;
+    let p = p * t + std::f32::consts::LOG2_E;
     p * t + exponent
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A shader is generic over [`Real`] and reads like scalar code. `f32` is one lane; [`Packet`] is sixteen lanes of one
 //! instruction set. Both compute the same bits: nothing is fused, and functions beyond the four operations and the root
-//! are polynomials of our own ([`math`]). Lanes never see each other, so that a value does not depend on its neighbours.
+//! are polynomials of our own (`math.rs`). Lanes never see each other, so that a value does not depend on its neighbours.
 //!
 //! Code that is generic over [`Real`] must be `#[inline(always)]` and pass no closures that compute with packets: a closure
 //! is compiled without the instruction set, and every operation in it becomes a call.
