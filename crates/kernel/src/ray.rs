@@ -111,6 +111,16 @@ impl Hit {
         path: PathId::ROOT,
     };
 
+    /// Whether this hit is the one to keep of two on one ray: the nearer; of two equally near, the one with the lesser
+    /// (path, geometry, primitive). So the closest hit is one and the same in whatever order a tree is walked.
+    #[inline(always)]
+    pub(crate) fn precedes(&self, other: &Self) -> bool {
+        if self.t != other.t {
+            return self.t < other.t;
+        }
+        (self.path, self.geometry, self.primitive) < (other.path, other.geometry, other.primitive)
+    }
+
     /// True if something was hit.
     #[must_use]
     pub const fn is_hit(&self) -> bool {

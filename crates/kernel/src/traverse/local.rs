@@ -9,8 +9,21 @@ pub(super) struct LocalRay {
     pub direction: Vec3A,
     /// Not negative.
     pub t_min: f32,
+    /// Where the ray ends, whatever it met so far; not included.
+    pub t_max: f32,
     /// The moment in the shutter interval, in 0..=1.
     pub time: f32,
+}
+
+/// Trees are walked so much farther than to the hit so far: what coincides with it must be met too, for the choice
+/// between them not to depend on the order of the walk, and distances from the boxes' and the triangles' arithmetic
+/// differ by roundings over the cosine between ray and normal.
+pub(super) const REACH: f32 = 1.0 + 1.0 / 8192.0;
+
+/// How far boxes count for a hit at `t`; finite.
+#[inline(always)]
+pub(super) fn behind(t: f32) -> f32 {
+    (t * REACH).min(f32::MAX)
 }
 
 impl LocalRay {
@@ -39,6 +52,7 @@ impl LocalRay {
             origin: ray.origin.into(),
             direction: ray.direction.into(),
             t_min: ray.t_min.max(0.0),
+            t_max: ray.t_max,
             time: ray.clamped_time(),
         }
     }
@@ -50,9 +64,22 @@ impl LocalRay {
             origin: map.transform_point3a(self.origin),
             direction: map.transform_vector3a(self.direction),
             t_min: self.t_min,
+            t_max: self.t_max,
             time: self.time,
         };
         local.in_range().then_some(local)
+    }
+
+    /// The last distance that counts.
+    #[inline(always)]
+    pub(super) fn end(&self) -> f32 {
+        self.t_max.next_down()
+    }
+
+    /// How far to look, end included, once something is known to lie at `t`.
+    #[inline(always)]
+    pub(super) fn reach(&self, t: f32) -> f32 {
+        (t * REACH).min(self.end())
     }
 
     #[inline(always)]

@@ -3,13 +3,13 @@ use fearless_simd::{f32x16, prelude::*, u32x16};
 
 use super::{
     Answers,
-    work::{Face, GROUP, Rays, Work},
+    work::{GROUP, Rays, Work},
 };
 use crate::{
     layout::WIDTH,
     ray::PathId,
     tile::Tile,
-    traverse::settle::{self, Gathered, MeshOf, Projection, Words},
+    traverse::settle::{self, Gathered, Lined, MeshOf, Words},
     triangle_bvh::TriangleBvh,
 };
 
@@ -34,17 +34,20 @@ pub(super) fn hits<S: Simd>(
         if bits == 0 {
             continue;
         }
-        gather(simd, &mut gathered, bvh, work.face, &work.id[g], bits, &mut mesh);
-        let words = intersect(simd, &gathered, rays, work, g);
+        gather(simd, &mut gathered, bvh, &work.id[g], bits, &mut mesh);
+        let words = intersect(simd, &gathered, rays, g);
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
-            let slot = rays.slot[(g * GROUP + lane) & (Tile::CAPACITY - 1)];
-            answers.put(slot, words.hit(lane, path));
+            let i = (g * GROUP + lane) & (Tile::CAPACITY - 1);
+            let t = answers.put(rays.slot[i], words.hit(lane, path));
+            work.settle(rays, i, t);
         }
         work.id[g] = [Work::NONE; GROUP];
+        work.update_reach(simd, g);
     }
+    work.update_far(simd);
 }
 
 /// Marks the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
@@ -83,7 +86,6 @@ fn gather<S: Simd>(
     simd: S,
     gathered: &mut Gathered,
     bvh: &TriangleBvh,
-    face: Face,
     ids: &[u32; GROUP],
     bits: u16,
     mesh: &mut MeshOf,
@@ -99,8 +101,8 @@ fn gather<S: Simd>(
         let same = all.simd_eq(u32x16::splat(simd, id));
         let sharing = same.to_bitmask() as u16;
         for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-            for (lanes, axis) in corner.iter_mut().zip(face.axes) {
-                let value = vertex[axis % 3][from];
+            for (lanes, axis) in corner.iter_mut().zip(vertex) {
+                let value = axis[from];
                 if sharing.count_ones() > FEW_LANES {
                     let before = f32x16::load_array_ref(simd, lanes);
                     *lanes = same.select(f32x16::splat(simd, value), before).into();
@@ -126,30 +128,22 @@ fn gather<S: Simd>(
 
 /// The hits of group `g` in their triangles.
 #[inline(always)]
-fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, work: &Work, g: usize) -> Words {
-    let face = work.face;
-    let [ku, kv, kk] = face.axes.map(|axis| axis % 3);
-    let origin = rays.origin.to_array();
-    let sign = f32x16::splat(simd, face.sign);
-    let scale = sign / f32x16::load_array_ref(simd, &work.scale[g]);
-    let iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let projection = Projection {
-        origin: [
-            f32x16::splat(simd, origin[ku]),
-            f32x16::splat(simd, origin[kv]),
-            f32x16::splat(simd, origin[kk]),
+fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, g: usize) -> Words {
+    let [ox, oy, oz] = rays.origin.to_array();
+    let rays = Lined {
+        origin: [f32x16::splat(simd, ox), f32x16::splat(simd, oy), f32x16::splat(simd, oz)],
+        direction: [
+            lanes(simd, &rays.tile.direction[0], g),
+            lanes(simd, &rays.tile.direction[1], g),
+            lanes(simd, &rays.tile.direction[2], g),
         ],
-        u: f32x16::load_array_ref(simd, &work.u[g]) * sign,
-        v: f32x16::load_array_ref(simd, &work.v[g]) * sign,
-        scale,
-        t: (scale * sign) / iz,
-        t_min: f32x16::load_array_ref(simd, &rays.tile.t_min.as_chunks::<GROUP>().0[g]),
-        t_max: f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]),
+        t_min: lanes(simd, &rays.tile.t_min, g),
+        t_max: lanes(simd, &rays.tile.t_max, g),
     };
-    let exact = settle::exact(simd, &gathered.corners, &projection);
-    let mut normal = exact.normal;
-    for (axis, n) in face.axes.into_iter().zip(exact.normal) {
-        normal[axis % 3] = n;
-    }
-    Words::new(simd, &exact, normal, gathered)
+    Words::new(simd, &settle::exact(simd, gathered.corners(simd), &rays), gathered)
+}
+
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, values: &[f32; Tile::CAPACITY], g: usize) -> f32x16<S> {
+    f32x16::load_array_ref(simd, &values.as_chunks::<GROUP>().0[g])
 }

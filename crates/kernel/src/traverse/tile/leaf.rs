@@ -14,6 +14,7 @@ use super::{
 use crate::{
     compact::Blocks,
     layout::{Block, WIDTH},
+    traverse::{local::REACH, single::Best},
 };
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
@@ -227,14 +228,14 @@ fn groups_outside<S: Simd, const ANY: bool>(
         rest &= rest - 1;
         let rays = leaf.rays[g];
         let hit = if rays.count_ones() <= 2 {
-            each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+            each_ray::<S, ANY>(simd, leaf.blocks, work, setup, g, rays, bits, block)
         } else {
             let rect = [work.u0[g], work.u1[g], work.v0[g], work.v1[g]];
             let bits = setup.meeting(simd, rect, work.reach[g], bits);
             if rays.count_ones() <= bits.count_ones() {
-                each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+                each_ray::<S, ANY>(simd, leaf.blocks, work, setup, g, rays, bits, block)
             } else {
-                each_triangle::<S, ANY>(simd, work, setup, g, bits, block)
+                each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -261,7 +262,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY>(simd, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -274,7 +275,7 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
     let (u, v) = (&work.u[g], &work.v[g]);
     let met = meet(simd, range, slack, [u, u], [v, v]);
     let iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let nearer = (iz * range.near).simd_le(f32x16::splat(simd, 1.0 + 8.0 * f32::EPSILON));
+    let nearer = (iz * range.near).simd_le(f32x16::splat(simd, REACH));
     (met & nearer).to_bitmask() as u16
 }
 
@@ -282,6 +283,7 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
 #[inline(always)]
 fn each_triangle<S: Simd, const ANY: bool>(
     simd: S,
+    blocks: Blocks<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
@@ -305,14 +307,22 @@ fn each_triangle<S: Simd, const ANY: bool>(
         let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
         let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
         let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
-        let hit = e0.min(e1).min(e2).simd_ge(zero) & z.simd_gt(iz) & z.simd_lt(start);
+        let inside = e0.min(e1).min(e2).simd_ge(zero) & z.simd_lt(start);
+        let mut hit = inside & z.simd_gt(iz);
+        let number = (block * WIDTH + lane) as u32;
+        if !ANY {
+            let tied = (inside & z.simd_eq(iz)).to_bitmask() as u16;
+            if tied != 0 {
+                hit |= mask16(simd, yielding(blocks, &id.into(), tied, number));
+            }
+        }
         any |= hit;
         if ANY {
             iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
         } else {
             iz = hit.select(z, iz);
         }
-        id = hit.select(fearless_simd::u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
+        id = hit.select(fearless_simd::u32x16::splat(simd, number), id);
     }
     if any.to_bitmask() == 0 {
         return false;
@@ -326,6 +336,7 @@ fn each_triangle<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn each_ray<S: Simd, const ANY: bool>(
     simd: S,
+    blocks: Blocks<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
@@ -348,15 +359,16 @@ fn each_ray<S: Simd, const ANY: bool>(
         let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
         let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
         let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2])).max(farthest).min(nearest);
-        let hit = e0.min(e1).min(e2).simd_ge(zero)
-            & z.simd_gt(f32x8::splat(simd, work.iz[g][r]))
-            & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
+        let so_far = f32x8::splat(simd, work.iz[g][r]);
+        let nearer = if ANY { z.simd_gt(so_far) } else { z.simd_ge(so_far) };
+        let hit =
+            e0.min(e1).min(e2).simd_ge(zero) & nearer & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
         let mut hits = hit.to_bitmask() as u32 & bits;
         if hits == 0 {
             continue;
         }
-        any = true;
         if ANY {
+            any = true;
             work.iz[g][r] = f32::INFINITY;
             work.id[g][r] = 0;
             continue;
@@ -365,13 +377,30 @@ fn each_ray<S: Simd, const ANY: bool>(
         while hits != 0 {
             let lane = (hits.trailing_zeros() & 7) as usize;
             hits &= hits - 1;
-            if z[lane] > work.iz[g][r] {
+            let (id, so_far) = ((block * WIDTH + lane) as u32, work.iz[g][r]);
+            if z[lane] > so_far || (z[lane] == so_far && yields(blocks, work.id[g][r], id)) {
+                any = true;
                 work.iz[g][r] = z[lane];
-                work.id[g][r] = (block * WIDTH + lane) as u32;
+                work.id[g][r] = id;
             }
         }
     }
     any
+}
+
+/// The lanes in `tied` that give up what they have for triangle `id` at the same depth.
+#[cold]
+#[inline(never)]
+fn yielding(blocks: Blocks<'_>, ids: &[u32; GROUP], tied: u16, id: u32) -> u16 {
+    let yields = |lane: usize| tied >> lane & 1 == 1 && yields(blocks, ids[lane], id);
+    (0..GROUP).filter(|&lane| yields(lane)).fold(0, |yielding, lane| yielding | 1 << lane)
+}
+
+/// Whether triangle `id` is to be kept instead of one at the same depth; instead of none it is not, as that depth is then
+/// the ray's end.
+#[cold]
+fn yields(blocks: Blocks<'_>, before: u32, id: u32) -> bool {
+    before != Work::NONE && Best { t: 0.0, id: before }.yields_to(id, blocks)
 }
 
 /// A linear function of (u, v) with the coefficients of one lane.

@@ -72,19 +72,28 @@ impl Answers<'_> {
         self.below[word] |= bit;
     }
 
-    /// Writes a hit that is nearer than what the slot has.
+    /// Writes a hit if it precedes what the slot has; the distance of what it has then.
     #[inline(always)]
-    fn put(&mut self, slot: u8, hit: Hit) {
-        if let Some(to) = self.hits.get_mut(usize::from(slot)) {
-            *to = hit;
+    fn put(&mut self, slot: u8, hit: Hit) -> f32 {
+        let known = has(&self.found, slot);
+        let Some(to) = self.hits.get_mut(usize::from(slot)) else { return hit.t };
+        if known && !hit.precedes(to) {
+            return to.t;
         }
+        *to = hit;
         self.set(slot);
+        hit.t
     }
 
-    /// How far a slot still looks: to its hit, or to the ray's end.
+    /// What a slot has, to be changed by those who tell [`Answers::set`].
     #[inline(always)]
-    fn limit(&self, slot: u8, t_max: f32) -> f32 {
-        if has(&self.found, slot) { self.hits[usize::from(slot)].t } else { t_max }
+    fn of(&mut self, slot: u8) -> &mut Hit {
+        let known = has(&self.found, slot);
+        let hit = &mut self.hits[usize::from(slot)];
+        if !known {
+            *hit = Hit::MISS;
+        }
+        hit
     }
 }
 
@@ -190,16 +199,16 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &
 /// The rays that can hit something: mostly all of them, else copied to `some`.
 #[inline(always)]
 fn usable<'a, S: Simd>(simd: S, some: &'a mut LevelRays, tile: &'a Tile, len: usize) -> Rays<'a> {
+    let all = Rays { origin: tile.origin, tile, limit: &tile.t_max, slot: &IDENTITY, len };
     let in_range = LocalRay::origin_in_range(tile.origin.into());
     if in_range && work::all_usable(simd, tile, len) {
-        return Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
+        return all;
     }
     some.tile.restart(tile.origin);
     for i in 0..len {
-        let all = Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
         let ray = LocalRay { t_min: tile.t_min[i].max(0.0), ..all.ray(i) };
         if ray.in_range() && !tile.t_min[i].is_nan() && ray.t_min < tile.t_max[i] {
-            some.push(ray.direction, ray.t_min, tile.t_max[i], i as u8);
+            some.push(ray.direction, [ray.t_min, ray.t_max, ray.t_max], i as u8);
         }
     }
     some.rays()
@@ -251,7 +260,8 @@ fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRay
         let direction = rays.direction(i);
         if has(waiting, i as u8) && face.takes(direction) {
             waiting[(i / 64) & 3] &= !(1 << (i % 64));
-            chosen.push(direction, rays.tile.t_min[i], rays.tile.t_max[i], rays.slot[i]);
+            let interval = [rays.tile.t_min[i], rays.tile.t_max[i], rays.limit[i]];
+            chosen.push(direction, interval, rays.slot[i]);
         }
     }
 }
@@ -270,12 +280,9 @@ fn few<S: Simd, const ANY: bool>(
         let ray = rays.ray(i);
         let slot = rays.slot[i];
         let found = if ANY {
-            batch::any_local(simd, object, &ray, rays.tile.t_max[i], &mut scratch.single)
+            batch::any_local(simd, object, &ray, &mut scratch.single)
         } else {
-            let t = answers.limit(slot, rays.tile.t_max[i]);
-            let hit = &mut answers.hits[usize::from(slot)];
-            hit.t = t;
-            batch::closest_local(simd, object, &ray, path, hit, &mut scratch.single)
+            batch::closest_local(simd, object, &ray, path, answers.of(slot), &mut scratch.single)
         };
         if found {
             answers.set(slot);
@@ -363,21 +370,18 @@ fn quadrics<S: Simd, const ANY: bool>(
         if mask >> g & 1 == 0 {
             continue;
         }
-        let (ray, t_max) = (rays.ray(i), rays.tile.t_max[i]);
+        let ray = rays.ray(i);
         // What was found is also a limit for what the groups meet next.
         if ANY {
-            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, t_max, stack) {
+            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, stack) {
                 answers.set(slot);
                 work.iz[g][lane] = f32::INFINITY;
                 work.update_reach(simd, g);
             }
-        } else {
-            let mut hit = Hit { t: answers.limit(slot, t_max), ..Hit::MISS };
-            if super::quadrics::closest(simd, shapes, &ray, path, &mut hit, stack) {
-                answers.put(slot, hit);
-                work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
-                work.update_reach(simd, g);
-            }
+        } else if super::quadrics::closest(simd, shapes, &ray, path, answers.of(slot), stack) {
+            answers.set(slot);
+            work.settle(rays, i, answers.of(slot).t);
+            work.update_reach(simd, g);
         }
     }
     work.update_far(simd);
