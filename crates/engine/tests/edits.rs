@@ -184,8 +184,7 @@ fn fresh(scene: &Scene) -> Engine {
 
 /// Sequences: 1,000, or as many as `HELIOSTAT_HUNT` says.
 fn cases() -> u32 {
-    std::env::var("HELIOSTAT_HUNT")
-        .map_or(1000, |cases| cases.parse().expect("HELIOSTAT_HUNT is a number"))
+    std::env::var("HELIOSTAT_HUNT").map_or(1000, |cases| cases.parse().expect("HELIOSTAT_HUNT is a number"))
 }
 
 proptest! {

@@ -82,7 +82,9 @@ impl Oracle {
     }
 
     fn closest(&self, ray: &Ray) -> Hit {
-        self.all_hits(ray).into_iter().fold(Hit::MISS, |best, hit| if hit.precedes(&best) { hit } else { best })
+        self.all_hits(ray)
+            .into_iter()
+            .fold(Hit::MISS, |best, hit| if hit.precedes(&best) { hit } else { best })
     }
 
     fn any(&self, ray: &Ray) -> bool {

@@ -134,10 +134,8 @@ fn coinciding(make: MakeObject, order: usize) -> Object {
     }
     // Somewhere else first, then to their places one after the other, in other orders.
     let elsewhere = |i: usize| Affine3A::from_translation(Vec3::X * (i * order) as f32);
-    let elsewhere = wanted.iter().enumerate().map(|(i, to)| Instance {
-        parent_from_object: elsewhere(i),
-        ..to.clone()
-    });
+    let elsewhere =
+        wanted.iter().enumerate().map(|(i, to)| Instance { parent_from_object: elsewhere(i), ..to.clone() });
     let mut object = Object::new(leaf.triangles().cloned(), elsewhere.collect()).expect("valid");
     for step in 0..wanted.len() {
         let index = step * (2 * order - 1) % wanted.len();
@@ -182,11 +180,12 @@ fn refits_and_builders_leave_no_trace() {
     let mut rng = Rng::new(95);
     let meshes = [thrice(&mut rng, 60), thrice(&mut rng, 8)];
     let elsewhere = meshes.each_ref().map(|mesh| {
-        let positions = mesh.positions.iter().map(|&p| p + rng.vec()).collect();
+        let positions: Vec<Vec3> = mesh.positions.iter().map(|&p| p + rng.vec()).collect();
         Mesh::new(positions, mesh.indices.clone())
     });
     let (rays, tiles) = (rays(&mut rng, 300, 1.5, Vec3::ZERO), tiles(&mut rng, 8, 1.5, Vec3::ZERO));
-    let root = |tree: TriangleBvh| Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"));
+    let root =
+        |tree: TriangleBvh| Arc::new(Object::new(Some(tree.into()), Vec::new()).expect("no instances"));
     let build = |meshes: &[Mesh], options: &BuildOptions| TriangleBvh::build(meshes, options).expect("valid");
     let expected = walks(&root(build(&meshes, &all_builders()[0])), Isa::best(), &rays, &tiles);
     for options in all_builders() {
@@ -202,10 +201,12 @@ fn refits_and_builders_leave_no_trace() {
 /// A square in the plane y = 0 of `cells`² cells of two triangles each.
 fn floor(cells: u32) -> Mesh {
     let row = cells + 1;
-    let at = |i: u32| Vec3::new((i % row) as f32, 0.0, (i / row) as f32) / cells as f32 - Vec3::new(0.5, 0.0, 0.5);
+    let at =
+        |i: u32| Vec3::new((i % row) as f32, 0.0, (i / row) as f32) / cells as f32 - Vec3::new(0.5, 0.0, 0.5);
     let quads = (0..cells * cells).map(|q| q % cells + q / cells * row);
-    let indices = quads.flat_map(|a| [[a, a + row, a + row + 1], [a, a + row + 1, a + 1]]).collect();
-    Mesh::new((0..row * row).map(at).collect(), indices)
+    let indices: Vec<[u32; 3]> =
+        quads.flat_map(|a| [[a, a + row, a + row + 1], [a, a + row + 1, a + 1]]).collect();
+    Mesh::new((0..row * row).map(at).collect::<Vec<_>>(), indices)
 }
 
 #[test]

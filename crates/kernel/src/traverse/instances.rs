@@ -222,7 +222,7 @@ pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut
             Some(blocks) => any_moving(simd, bvh, blocks, ray, stack),
         },
         Some(Triangles::KdTree(tree)) => {
-            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, ray.end()).is_some()
+            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, ray.end).is_some()
         }
     };
     if met {
@@ -253,7 +253,7 @@ pub(super) fn any_instance_below<S: Simd>(
     stack: &mut Stack,
 ) -> bool {
     let nodes = &object.instance_tree.wide.nodes[..];
-    let limit = f32x8::splat(simd, ray.end());
+    let limit = f32x8::splat(simd, ray.end);
     let mark = stack.mark();
     let mut current = start;
     loop {
@@ -275,7 +275,7 @@ pub(super) fn any_instance_below<S: Simd>(
                 continue;
             }
         }
-        match stack.pop(mark, ray.end()) {
+        match stack.pop(mark, ray.end) {
             Some(next) => current = next,
             None => return false,
         }

@@ -9,8 +9,8 @@ pub(super) struct LocalRay {
     pub direction: Vec3A,
     /// Not negative.
     pub t_min: f32,
-    /// Where the ray ends, whatever it met so far; not included.
-    pub t_max: f32,
+    /// The last distance that counts, whatever the ray met so far.
+    pub end: f32,
     /// The moment in the shutter interval, in 0..=1.
     pub time: f32,
 }
@@ -52,7 +52,7 @@ impl LocalRay {
             origin: ray.origin.into(),
             direction: ray.direction.into(),
             t_min: ray.t_min.max(0.0),
-            t_max: ray.t_max,
+            end: ray.t_max.next_down(),
             time: ray.clamped_time(),
         }
     }
@@ -64,22 +64,16 @@ impl LocalRay {
             origin: map.transform_point3a(self.origin),
             direction: map.transform_vector3a(self.direction),
             t_min: self.t_min,
-            t_max: self.t_max,
+            end: self.end,
             time: self.time,
         };
         local.in_range().then_some(local)
     }
 
-    /// The last distance that counts.
-    #[inline(always)]
-    pub(super) fn end(&self) -> f32 {
-        self.t_max.next_down()
-    }
-
     /// How far to look, end included, once something is known to lie at `t`.
     #[inline(always)]
     pub(super) fn reach(&self, t: f32) -> f32 {
-        (t * REACH).min(self.end())
+        (t * REACH).min(self.end)
     }
 
     #[inline(always)]

@@ -36,8 +36,8 @@ pub(super) struct Packet {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
     t_min: Lanes,
-    /// Where the rays end; not included.
-    t_end: Lanes,
+    /// The last distance that counts, whatever the rays met so far.
+    end: Lanes,
     /// The last distance that counts, be it of the nearest hit so far; negative for lanes that want nothing.
     pub limit: Lanes,
     /// `block · 8 + lane` of that hit, or [`Packet::NONE`].
@@ -56,7 +56,7 @@ pub(super) struct Packet {
     len: usize,
 }
 
-/// A subtree to visit, and where each lane enters its box; +∞ for lanes that do not.
+/// A subtree to visit, and where each lane enters its box; NaN for lanes that do not.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub(super) struct Visit {
@@ -77,7 +77,7 @@ impl Packet {
         origin: [[0.0; LANES]; 3],
         direction: [[1.0; LANES]; 3],
         t_min: [0.0; LANES],
-        t_end: [0.0; LANES],
+        end: [0.0; LANES],
         limit: [-1.0; LANES],
         id: [Self::NONE; LANES],
         inverse: [[1.0; LANES]; 3],
@@ -109,7 +109,7 @@ impl Packet {
         for (axis, (o, d)) in ray.origin.to_array().into_iter().zip(ray.direction.to_array()).enumerate() {
             (self.origin[axis][lane], self.direction[axis][lane]) = (o, d);
         }
-        (self.t_min[lane], self.t_end[lane], self.limit[lane]) = (ray.t_min, ray.t_max, ray.end());
+        (self.t_min[lane], self.end[lane], self.limit[lane]) = (ray.t_min, ray.end, ray.end);
         self.len = lane + 1;
     }
 
@@ -120,7 +120,7 @@ impl Packet {
             origin: column(&self.origin, lane).into(),
             direction: column(&self.direction, lane).into(),
             t_min: self.t_min[lane & (LANES - 1)],
-            t_max: self.t_end[lane & (LANES - 1)],
+            end: self.end[lane & (LANES - 1)],
             time: 0.0,
         }
     }
@@ -145,7 +145,7 @@ impl Packet {
             self.origin[axis] = origin.into();
             self.direction[axis] = direction.into();
         }
-        (self.t_min, self.t_end, self.limit) = (from.t_min, from.t_end, from.limit);
+        (self.t_min, self.end, self.limit) = (from.t_min, from.end, from.limit);
         let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
         (usable & largest.simd_ge(shortest)).to_bitmask() as u16
     }
@@ -237,7 +237,7 @@ impl Packet {
     pub(super) fn root<S: Simd>(&self, simd: S, bits: u16) -> Visit {
         let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
         let start = f32x16::load_array_ref(simd, &self.t_min);
-        let enter = wanted.select(start, f32x16::splat(simd, f32::INFINITY));
+        let enter = wanted.select(start, f32x16::splat(simd, f32::NAN));
         Visit { enter: enter.into(), child: Child::inner(0) }
     }
 
@@ -250,14 +250,13 @@ impl Packet {
     /// How far boxes count.
     #[inline(always)]
     fn reach<S: Simd>(&self, simd: S) -> f32x16<S> {
-        // Finite, as lanes that do not enter a box have +∞ there.
-        (f32x16::load_array_ref(simd, &self.limit) * REACH).min(f32x16::splat(simd, f32::MAX))
+        f32x16::load_array_ref(simd, &self.limit) * REACH
     }
 
     /// Makes something met at `t`, in whatever object, the limit for what is still to come.
     #[inline(always)]
     pub(super) fn settle(&mut self, lane: usize, t: f32) {
-        self.limit[lane] = (t * REACH).min(self.t_end[lane].next_down());
+        self.limit[lane] = (t * REACH).min(self.end[lane]);
     }
 
     /// Pushes the children of a node that some of the `wanting` lanes meet, far ones first.
@@ -285,7 +284,7 @@ impl Packet {
                 if child.is_leaf() {
                     leaves.prefetch(child);
                 }
-                let enter = met.select(enter, f32x16::splat(simd, f32::INFINITY));
+                let enter = met.select(enter, f32x16::splat(simd, f32::NAN));
                 visits.push(Visit { enter: enter.into(), child });
             }
         }
@@ -390,7 +389,7 @@ impl Packet {
             origin: load(simd, &self.origin),
             direction: load(simd, &self.direction),
             t_min: f32x16::load_array_ref(simd, &self.t_min),
-            t_max: f32x16::load_array_ref(simd, &self.t_end),
+            end: f32x16::load_array_ref(simd, &self.end),
         };
         Words::new(simd, &settle::exact(simd, gathered.corners(simd), &rays), &gathered)
     }

@@ -39,7 +39,7 @@ pub(super) fn closest<S: Simd>(
 /// Whether any shape lies in the ray's interval.
 #[inline(always)]
 pub(super) fn any<S: Simd>(simd: S, quadrics: &Quadrics, ray: &LocalRay, stack: &mut Stack) -> bool {
-    trace::<S, true>(simd, quadrics, ray, ray.end(), stack).is_some()
+    trace::<S, true>(simd, quadrics, ray, ray.end, stack).is_some()
 }
 
 /// The closest crossing up to `limit`, or with `ANY` the first one found.

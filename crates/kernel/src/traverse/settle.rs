@@ -33,9 +33,10 @@ impl Gathered {
 pub(super) struct Lined<V> {
     pub origin: [V; 3],
     pub direction: [V; 3],
-    /// The open interval in which the answer must lie.
+    /// The answer must lie behind this,
     pub t_min: V,
-    pub t_max: V,
+    /// and no farther than this.
+    pub end: V,
 }
 
 /// Distance, barycentrics and unit normal.
@@ -83,7 +84,7 @@ where
     let v = thin.select(third, w2 * inverse).min(one - u);
     let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse;
     let depth = thin.select((a[2] + b[2] + c[2]) * third, depth);
-    let t = inside(depth / direction[2], rays.t_min, rays.t_max);
+    let t = inside(depth / direction[2], rays.t_min, rays.end);
     let normal = normal(simd, sub(b, a), sub(c, a));
     // Turning on by one and two places from (y, z, x) and (z, x, y) comes back to (x, y, z).
     Exact { t, u, v, normal: turn(normal, y_is_largest, x_is_largest) }
@@ -100,7 +101,7 @@ pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> H
         origin: splat(simd, ray.origin.to_array()),
         direction: splat(simd, ray.direction.to_array()),
         t_min: f32x4::splat(simd, ray.t_min),
-        t_max: f32x4::splat(simd, ray.t_max),
+        end: f32x4::splat(simd, ray.end),
     };
     let Exact { t, u, v, normal: [x, y, z] } = exact(simd, lanes, &rays);
     Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
@@ -244,16 +245,14 @@ fn sub<S: Simd, V: SimdBase<S>>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// `t` moved into the open interval, from which rounding may have pushed it.
+/// `t` moved into the interval, from which rounding may have pushed it.
 #[inline(always)]
-fn inside<S: Simd, V>(t: V, t_min: V, t_max: V) -> V
+fn inside<S: Simd, V>(t: V, t_min: V, end: V) -> V
 where
     V: SimdFloat<S, Element = f32>,
     V::Bits: SimdInt<S, Element = u32>,
 {
     // The next float: those that are not negative are ordered like their bits, once −0 is 0.
     let after_start = V::from_bits(t_min.abs().to_bits() + 1);
-    let before_end = V::from_bits(t_max.to_bits() - 1);
-    let t = t.simd_le(t_min).select(after_start, t);
-    t.simd_ge(t_max).select(before_end, t)
+    t.simd_le(t_min).select(after_start, t).min(end)
 }

@@ -149,7 +149,7 @@ pub(super) fn any<S: Simd>(
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
-    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), ray.end(), stack)
+    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), ray.end, stack)
 }
 
 /// As [`any`], in the subtree `start`, up to the distance `limit`, which counts.

@@ -16,7 +16,12 @@ use crate::{
 /// Up to so many lanes that share a triangle are filled one by one.
 const FEW_LANES: u32 = 3;
 
-/// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
+/// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next. If
+/// there is `more` to come, it is looked for as far as to where something may coincide with them.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
 #[inline(always)]
 pub(super) fn hits<S: Simd>(
     simd: S,
@@ -26,6 +31,7 @@ pub(super) fn hits<S: Simd>(
     mask: u16,
     work: &mut Work,
     answers: &mut Answers<'_>,
+    more: bool,
 ) {
     let mut gathered = Gathered::EMPTY;
     let mut mesh = MeshOf::default();
@@ -42,12 +48,18 @@ pub(super) fn hits<S: Simd>(
             rest &= rest - 1;
             let i = (g * GROUP + lane) & (Tile::CAPACITY - 1);
             let t = answers.put(rays.slot[i], words.hit(lane, path));
-            work.settle(rays, i, t);
+            if more {
+                work.settle(rays, i, t);
+            }
         }
         work.id[g] = [Work::NONE; GROUP];
-        work.update_reach(simd, g);
+        if more {
+            work.update_reach(simd, g);
+        }
     }
-    work.update_far(simd);
+    if more {
+        work.update_far(simd);
+    }
 }
 
 /// Marks the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
@@ -138,7 +150,7 @@ fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, g: usize) ->
             lanes(simd, &rays.tile.direction[2], g),
         ],
         t_min: lanes(simd, &rays.tile.t_min, g),
-        t_max: lanes(simd, &rays.tile.t_max, g),
+        end: f32x16::from_bits(lanes(simd, &rays.tile.t_max, g).to_bits() - 1),
     };
     Words::new(simd, &settle::exact(simd, gathered.corners(simd), &rays), gathered)
 }

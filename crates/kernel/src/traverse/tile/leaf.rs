@@ -228,12 +228,12 @@ fn groups_outside<S: Simd, const ANY: bool>(
         rest &= rest - 1;
         let rays = leaf.rays[g];
         let hit = if rays.count_ones() <= 2 {
-            each_ray::<S, ANY>(simd, leaf.blocks, work, setup, g, rays, bits, block)
+            each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
         } else {
             let rect = [work.u0[g], work.u1[g], work.v0[g], work.v1[g]];
             let bits = setup.meeting(simd, rect, work.reach[g], bits);
             if rays.count_ones() <= bits.count_ones() {
-                each_ray::<S, ANY>(simd, leaf.blocks, work, setup, g, rays, bits, block)
+                each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
                 each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
             }
@@ -336,11 +336,10 @@ fn each_triangle<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn each_ray<S: Simd, const ANY: bool>(
     simd: S,
-    blocks: Blocks<'_>,
+    leaf: &Leaf<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
-    rays: u16,
     bits: u32,
     block: usize,
 ) -> bool {
@@ -350,7 +349,7 @@ fn each_ray<S: Simd, const ANY: bool>(
     let nearest = f32x8::load_array_ref(simd, &setup.depth_range[1]);
     let zero = f32x8::splat(simd, 0.0);
     let mut any = false;
-    let mut rest = rays;
+    let mut rest = leaf.rays[g];
     while rest != 0 {
         let r = (rest.trailing_zeros() & 15) as usize;
         rest &= rest - 1;
@@ -378,7 +377,7 @@ fn each_ray<S: Simd, const ANY: bool>(
             let lane = (hits.trailing_zeros() & 7) as usize;
             hits &= hits - 1;
             let (id, so_far) = ((block * WIDTH + lane) as u32, work.iz[g][r]);
-            if z[lane] > so_far || (z[lane] == so_far && yields(blocks, work.id[g][r], id)) {
+            if z[lane] > so_far || (z[lane] == so_far && yields(leaf.blocks, work.id[g][r], id)) {
                 any = true;
                 work.iz[g][r] = z[lane];
                 work.id[g][r] = id;

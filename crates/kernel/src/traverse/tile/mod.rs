@@ -208,7 +208,7 @@ fn usable<'a, S: Simd>(simd: S, some: &'a mut LevelRays, tile: &'a Tile, len: us
     for i in 0..len {
         let ray = LocalRay { t_min: tile.t_min[i].max(0.0), ..all.ray(i) };
         if ray.in_range() && !tile.t_min[i].is_nan() && ray.t_min < tile.t_max[i] {
-            some.push(ray.direction, [ray.t_min, ray.t_max, ray.t_max], i as u8);
+            some.push(ray.direction, [ray.t_min, tile.t_max[i], tile.t_max[i]], i as u8);
         }
     }
     some.rays()
@@ -309,10 +309,10 @@ fn one_face<S: Simd, const ANY: bool>(
         return few::<S, ANY>(simd, object, path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
-    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, work, answers, scratch);
+    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, false, work, answers, scratch);
 }
 
-/// Answers the groups in `mask` of projected rays in `object`.
+/// Answers the groups in `mask` of projected rays in `object`. `shared`: others will use `work` after it.
 #[expect(
     clippy::too_many_arguments,
     reason = "the rays, what they meet and where the answers go; a struct would only rename them"
@@ -324,6 +324,7 @@ fn in_object<S: Simd, const ANY: bool>(
     path: PathId,
     rays: Rays<'_>,
     mask: u16,
+    shared: bool,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
@@ -334,7 +335,8 @@ fn in_object<S: Simd, const ANY: bool>(
             if ANY {
                 collect::occluded(simd, rays, mask, work, answers);
             } else {
-                collect::hits(simd, bvh, path, rays, mask, work, answers);
+                let more = shared || object.quadrics.is_some() || !object.instance_tree.wide.is_empty();
+                collect::hits(simd, bvh, path, rays, mask, work, answers, more);
             }
         }
         // It looks at all groups, and as far as the rays go.

@@ -99,7 +99,7 @@ fn enter_moved<S: Simd, const ANY: bool>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || in_object::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch),
+        || in_object::<S, ANY>(simd, object, path, rays, mask, true, work, answers, scratch),
     );
 }
 

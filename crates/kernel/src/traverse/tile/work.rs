@@ -146,8 +146,8 @@ impl Rays<'_> {
     /// Ray `i` on its own.
     #[inline(always)]
     pub(super) fn ray(&self, i: usize) -> LocalRay {
-        let (t_min, t_max) = (self.tile.t_min[i], self.tile.t_max[i]);
-        LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, t_max, time: 0.0 }
+        let (t_min, end) = (self.tile.t_min[i], self.tile.t_max[i].next_down());
+        LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, end, time: 0.0 }
     }
 }
 
