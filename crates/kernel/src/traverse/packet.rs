@@ -201,7 +201,7 @@ impl Packet {
             if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
-                    self.together::<S, ANY>(simd, bvh, block, bits);
+                    self.together::<S, ANY, false>(simd, bvh, block, bits);
                 }
                 continue;
             }
@@ -314,9 +314,16 @@ impl Packet {
     }
 
     /// The lanes in `bits` against a block's triangles one by one: [`Shear::test`] with the roles of rays and
-    /// triangles exchanged, operation by operation, so that a mesh stays watertight.
+    /// triangles exchanged, operation by operation, so that a mesh stays watertight. Ties are seen in passing, and only
+    /// then is it all done again with `TIES`: a call inside the loop would cost it its registers.
     #[inline(always)]
-    fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+    fn together<S: Simd, const ANY: bool, const TIES: bool>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        block: usize,
+        bits: u16,
+    ) {
         let mut place = None;
         let triangles = bvh.blocks().get(block, &mut place);
         let turned = [
@@ -330,6 +337,7 @@ impl Packet {
         let mut limit = f32x16::load_array_ref(simd, &self.limit);
         let mut id = u32x16::load_array_ref(simd, &self.id);
         let zero = f32x16::splat(simd, 0.0);
+        let mut ties = mask32x16::from_bitmask(simd, 0);
         for lane in 0..WIDTH {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
                 break;
@@ -347,13 +355,16 @@ impl Packet {
             }
             let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
             let t = depth / (u + v + w);
-            let mut hit = inside & t.simd_gt(t_min) & t.simd_le(limit);
+            let inside = inside & t.simd_gt(t_min);
             let number = (block * WIDTH + lane) as u32;
+            let mut hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
             if !ANY {
-                let tied = (hit & t.simd_eq(limit)).to_bitmask() as u16;
-                if tied != 0 {
-                    let kept = keeping(bvh, &id.into(), tied, number);
-                    hit &= !mask32x16::from_bitmask(simd, u64::from(kept));
+                let tied = inside & t.simd_eq(limit);
+                if !TIES {
+                    ties |= tied;
+                } else if tied.to_bitmask() != 0 {
+                    let yielding = yielding(bvh, &id.into(), tied.to_bitmask() as u16, number);
+                    hit |= mask32x16::from_bitmask(simd, u64::from(yielding));
                 }
             }
             limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
@@ -362,8 +373,20 @@ impl Packet {
                 break;
             }
         }
+        if !ANY && !TIES && ties.to_bitmask() != 0 {
+            return self.together_with_ties(simd, bvh, block, bits);
+        }
         self.limit = limit.into();
         self.id = id.into();
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn together_with_ties<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.together::<S, false, true>(simd, bvh, block, bits),
+        );
     }
 
     /// The hits of the lanes that found something.
@@ -486,12 +509,13 @@ impl Packet {
     }
 }
 
-/// The lanes in `tied` that keep what they have, at the distance of triangle `id`.
+/// The lanes in `tied` that give up what they have for triangle `id` at the same distance.
 #[cold]
 #[inline(never)]
-fn keeping(bvh: &TriangleBvh, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
-    let yields = |lane: usize| Best { t: 0.0, id: ids[lane] }.yields_to(id, bvh.blocks());
-    (0..LANES).filter(|&lane| tied >> lane & 1 == 1 && !yields(lane)).fold(0, |kept, lane| kept | 1 << lane)
+fn yielding(bvh: &TriangleBvh, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
+    let yields =
+        |lane: usize| tied >> lane & 1 == 1 && Best { t: 0.0, id: ids[lane] }.yields_to(id, bvh.blocks());
+    (0..LANES).filter(|&lane| yields(lane)).fold(0, |yielding, lane| yielding | 1 << lane)
 }
 
 /// A corner as one ray per lane sees it.

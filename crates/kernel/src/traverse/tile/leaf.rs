@@ -235,7 +235,7 @@ fn groups_outside<S: Simd, const ANY: bool>(
             if rays.count_ones() <= bits.count_ones() {
                 each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
-                each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
+                each_triangle::<S, ANY, false>(simd, leaf.blocks, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -262,7 +262,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY, false>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -279,9 +279,10 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
     (met & nearer).to_bitmask() as u16
 }
 
-/// 16 rays in lanes, one triangle after the other.
+/// 16 rays in lanes, one triangle after the other. Ties are seen in passing, and only then is it all done again with
+/// `TIES`: a call inside the loop would cost it its registers.
 #[inline(always)]
-fn each_triangle<S: Simd, const ANY: bool>(
+fn each_triangle<S: Simd, const ANY: bool, const TIES: bool>(
     simd: S,
     blocks: Blocks<'_>,
     work: &mut Work,
@@ -296,7 +297,7 @@ fn each_triangle<S: Simd, const ANY: bool>(
     let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
     let mut id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
     let zero = f32x16::splat(simd, 0.0);
-    let mut any = mask16(simd, 0);
+    let (mut any, mut ties) = (mask16(simd, 0), mask16(simd, 0));
     let mut rest = bits;
     while rest != 0 {
         let lane = (rest.trailing_zeros() & 7) as usize;
@@ -311,9 +312,11 @@ fn each_triangle<S: Simd, const ANY: bool>(
         let mut hit = inside & z.simd_gt(iz);
         let number = (block * WIDTH + lane) as u32;
         if !ANY {
-            let tied = (inside & z.simd_eq(iz)).to_bitmask() as u16;
-            if tied != 0 {
-                hit |= mask16(simd, yielding(blocks, &id.into(), tied, number));
+            let tied = inside & z.simd_eq(iz);
+            if !TIES {
+                ties |= tied;
+            } else if tied.to_bitmask() != 0 {
+                hit |= mask16(simd, yielding(blocks, &id.into(), tied.to_bitmask() as u16, number));
             }
         }
         any |= hit;
@@ -324,12 +327,32 @@ fn each_triangle<S: Simd, const ANY: bool>(
         }
         id = hit.select(fearless_simd::u32x16::splat(simd, number), id);
     }
+    if !ANY && !TIES && ties.to_bitmask() != 0 {
+        return each_with_ties(simd, blocks, work, setup, g, bits, block);
+    }
     if any.to_bitmask() == 0 {
         return false;
     }
     work.iz[g] = iz.into();
     work.id[g] = id.into();
     true
+}
+
+#[cold]
+#[inline(never)]
+fn each_with_ties<S: Simd>(
+    simd: S,
+    blocks: Blocks<'_>,
+    work: &mut Work,
+    setup: &Setup,
+    g: usize,
+    bits: u32,
+    block: usize,
+) -> bool {
+    simd.vectorize(
+        #[inline(always)]
+        || each_triangle::<S, false, true>(simd, blocks, work, setup, g, bits, block),
+    )
 }
 
 /// 8 triangles in lanes, one ray after the other: for the few rays of a scattered group.
