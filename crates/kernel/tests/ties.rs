@@ -127,7 +127,7 @@ fn coinciding(make: MakeObject, order: usize) -> Object {
     let pair = Arc::new(Object::new(leaf.triangles().cloned(), pair).expect("valid"));
     let far = |i: usize| Affine3A::from_translation(Vec3::splat(3.0 + i as f32));
     let place = |i: usize| if i % 5 == 4 { far(i) } else { places[i * 7 % places.len()] };
-    let object = |i: usize| if i % 3 == 0 { &pair } else { &leaf };
+    let object = |i: usize| if i.is_multiple_of(3) { &pair } else { &leaf };
     let wanted: Vec<_> = (0..14).map(|i| instance(object(i), place(i), i as u32)).collect();
     if order == 0 {
         return Object::new(leaf.triangles().cloned(), wanted).expect("valid");
