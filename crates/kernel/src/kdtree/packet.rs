@@ -49,8 +49,8 @@ pub(crate) struct Packet<S: Simd> {
 impl<S: Simd> Packet<S> {
     pub(crate) const NONE: u32 = u32::MAX;
 
-    /// Rays over the interval `t_min < t <= limit`, `t_min` not negative. `axes` is a cyclic order whose last axis is at least a
-    /// quarter of the largest component of every direction.
+    /// Rays over the interval `t_min < t <= limit`, `t_min` not negative. `axes` is a cyclic order whose last axis is at
+    /// least a quarter of the largest component of every direction.
     #[inline(always)]
     pub(crate) fn new(
         simd: S,
@@ -188,7 +188,9 @@ impl<S: Simd> Packet<S> {
         let t = (u * az + v * bz + w * cz) * self.shear[2] / (u + v + w);
         let mut hit = inside & t.simd_gt(self.t_min) & t.simd_le(self.limit);
         if !ANY {
-            let tied = (hit & t.simd_eq(self.limit)).to_bitmask() as u16;
+            // A triangle in several leaves is no tie.
+            let other = self.index.simd_ne(u32x16::splat(simd, index));
+            let tied = (hit & t.simd_eq(self.limit) & other).to_bitmask() as u16;
             if tied != 0 {
                 let kept = keeping(tree, &self.index.into(), tied, index);
                 hit &= !mask32x16::from_bitmask(simd, u64::from(kept));

@@ -72,7 +72,8 @@ impl KdRay {
         (enter, leave)
     }
 
-    /// Distance to a triangle if it is hit with `t_min < t <= limit`, which is finite: the test of `traverse/shear.rs` for one triangle.
+    /// Distance to a triangle if it is hit with `t_min < t <= limit`, which is finite: the test of `traverse/shear.rs`
+    /// for one triangle.
     /// Vertices are sheared into a frame in which the ray is the z axis; a shared vertex lands on the same point for
     /// all its triangles, the signs of the edge functions are never wrong, and zero counts as inside [Woop, Benthin
     /// and Wald 2013].

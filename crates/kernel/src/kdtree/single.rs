@@ -15,8 +15,9 @@ struct Waiting {
     leave: f32,
 }
 
-/// The index, in the tree's store, of the closest triangle with `t_min < t <= limit`, of several the one with the least number; `ANY`: the first one found instead. The ray must be finite, with a
-/// direction whose largest component is within 1e-12..=1e12, and `t_min` not negative.
+/// The index, in the tree's store, of the closest triangle with `t_min < t <= limit`, of several the one with the least
+/// number; `ANY`: the first one found instead. The ray must be finite, with a direction whose largest component is
+/// within 1e-12..=1e12, and `t_min` not negative.
 ///
 /// # References
 /// Wald 2004, "Realtime ray tracing and interactive global illumination", section 7.2.1. Deviation: planes are a few

@@ -39,8 +39,9 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
                 let lanes = packet.lanes();
-                packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
-                let words = packet.hits(simd, bvh, &mut mesh);
+                let found =
+                    packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
+                let words = packet.hits(simd, bvh, found, &mut mesh);
                 for (lane, &index) in indices.iter().enumerate() {
                     if packet.id[lane] != Packet::NONE {
                         hits[usize::from(index)] = words.hit(lane, PathId::ROOT);

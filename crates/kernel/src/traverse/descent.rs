@@ -118,7 +118,7 @@ fn triangles<S: Simd, const ANY: bool>(
 ) -> u16 {
     let mut found = packet.trace::<S, ANY>(simd, bvh, bits, &mut scratch.visits, &mut scratch.stack);
     if !ANY && found != 0 {
-        let words = packet.hits(simd, bvh, &mut MeshOf::default());
+        let words = packet.hits(simd, bvh, found, &mut MeshOf::default());
         for lane in lanes(found) {
             let (hit, answer) = (words.hit(lane, path), answers.of(lane));
             if hit.precedes(answer) {

@@ -11,7 +11,7 @@ use glam::Affine3A;
 use super::{
     ahead::Leaves,
     local::{LocalRay, REACH},
-    settle::{self, Gathered, LANES, Lanes, Lined, MeshOf, Triple, Words, load, turn},
+    settle::{self, LANES, Lanes, Lined, MeshOf, Triple, Words, load, turn},
     shear::Shear,
     single::{self, Best},
     slab::{self, Slab},
@@ -201,7 +201,7 @@ impl Packet {
             if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
-                    self.together::<S, ANY, false>(simd, bvh, block, bits);
+                    self.together::<S, ANY>(simd, bvh, block, bits);
                 }
                 continue;
             }
@@ -314,16 +314,26 @@ impl Packet {
     }
 
     /// The lanes in `bits` against a block's triangles one by one: [`Shear::test`] with the roles of rays and
-    /// triangles exchanged, operation by operation, so that a mesh stays watertight. Ties are seen in passing, and only
-    /// then is it all done again with `TIES`: a call inside the loop would cost it its registers.
+    /// triangles exchanged, operation by operation, so that a mesh stays watertight.
     #[inline(always)]
-    fn together<S: Simd, const ANY: bool, const TIES: bool>(
+    fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+        let mut first = 0;
+        while first < WIDTH {
+            first = self.together_from::<S, ANY>(simd, bvh, block, bits, first);
+        }
+    }
+
+    /// From triangle `first` on, up to where it returns: it stops behind a tie, as a call inside the loop would cost it
+    /// its registers.
+    #[inline(always)]
+    fn together_from<S: Simd, const ANY: bool>(
         &mut self,
         simd: S,
         bvh: &TriangleBvh,
         block: usize,
         bits: u16,
-    ) {
+        first: usize,
+    ) -> usize {
         let mut place = None;
         let triangles = bvh.blocks().get(block, &mut place);
         let turned = [
@@ -337,11 +347,14 @@ impl Packet {
         let mut limit = f32x16::load_array_ref(simd, &self.limit);
         let mut id = u32x16::load_array_ref(simd, &self.id);
         let zero = f32x16::splat(simd, 0.0);
-        let mut ties = mask32x16::from_bitmask(simd, 0);
-        for lane in 0..WIDTH {
+        let (mut next, mut tied) = (first, 0);
+        while next < WIDTH && tied == 0 {
+            let lane = next;
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
+                next = WIDTH;
                 break;
             }
+            next += 1;
             let (ax, ay, az) = sheared(simd, triangles, 0, lane, turned, origin, shear);
             let (bx, by, bz) = sheared(simd, triangles, 1, lane, turned, origin, shear);
             let (cx, cy, cz) = sheared(simd, triangles, 2, lane, turned, origin, shear);
@@ -356,65 +369,46 @@ impl Packet {
             let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
             let t = depth / (u + v + w);
             let inside = inside & t.simd_gt(t_min);
-            let number = (block * WIDTH + lane) as u32;
-            let mut hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
+            let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
             if !ANY {
-                let tied = inside & t.simd_eq(limit);
-                if !TIES {
-                    ties |= tied;
-                } else if tied.to_bitmask() != 0 {
-                    let yielding = yielding(bvh, &id.into(), tied.to_bitmask() as u16, number);
-                    hit |= mask32x16::from_bitmask(simd, u64::from(yielding));
-                }
+                tied = (inside & t.simd_eq(limit)).to_bitmask() as u16;
             }
             limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
-            id = hit.select(u32x16::splat(simd, number), id);
+            id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
             if ANY && (limit.simd_ge(zero) & wanted).to_bitmask() == 0 {
-                break;
+                next = WIDTH;
             }
-        }
-        if !ANY && !TIES && ties.to_bitmask() != 0 {
-            return self.together_with_ties(simd, bvh, block, bits);
         }
         self.limit = limit.into();
         self.id = id.into();
+        if tied != 0 {
+            self.choose(bvh, tied, (block * WIDTH + next - 1) as u32);
+        }
+        next
     }
 
+    /// Gives triangle `id` to those lanes in `tied`, where it is as near as what they have, that keep it.
     #[cold]
     #[inline(never)]
-    fn together_with_ties<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
-        simd.vectorize(
-            #[inline(always)]
-            || self.together::<S, false, true>(simd, bvh, block, bits),
-        );
+    fn choose(&mut self, bvh: &TriangleBvh, tied: u16, id: u32) {
+        let mut rest = single::yielding(bvh.blocks(), &self.id, tied, id);
+        while rest != 0 {
+            self.id[(rest.trailing_zeros() & 15) as usize] = id;
+            rest &= rest - 1;
+        }
     }
 
     /// The hits of the lanes that found something.
     #[inline(always)]
-    pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, mesh: &mut MeshOf) -> Words {
-        let mut gathered = Gathered::EMPTY;
-        for lane in 0..LANES {
-            let id = self.id[lane];
-            if id == Self::NONE {
-                continue;
-            }
-            let mut place = None;
-            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
-            let from = id as usize % WIDTH;
-            for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-                for (lanes, axis) in corner.iter_mut().zip(vertex) {
-                    lanes[lane] = axis[from];
-                }
-            }
-            (gathered.geometry[lane], gathered.primitive[lane]) = mesh.locate(bvh, block.triangle[from]);
-        }
+    pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, found: u16, mesh: &mut MeshOf) -> Words {
+        let gathered = settle::gather(simd, bvh, &self.id, found, mesh);
         let rays = Lined {
             origin: load(simd, &self.origin),
             direction: load(simd, &self.direction),
             t_min: f32x16::load_array_ref(simd, &self.t_min),
             end: f32x16::load_array_ref(simd, &self.end),
         };
-        Words::new(simd, &settle::exact(simd, gathered.corners(simd), &rays), &gathered)
+        Words::new(&settle::exact(simd, gathered.corners, &rays), &gathered)
     }
 
     /// The lanes in `bits` one by one through a subtree.
@@ -507,15 +501,6 @@ impl Packet {
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
-}
-
-/// The lanes in `tied` that give up what they have for triangle `id` at the same distance.
-#[cold]
-#[inline(never)]
-fn yielding(bvh: &TriangleBvh, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
-    let yields =
-        |lane: usize| tied >> lane & 1 == 1 && Best { t: 0.0, id: ids[lane] }.yields_to(id, bvh.blocks());
-    (0..LANES).filter(|&lane| yields(lane)).fold(0, |yielding, lane| yielding | 1 << lane)
 }
 
 /// A corner as one ray per lane sees it.

@@ -5,6 +5,7 @@ use glam::Vec3;
 
 use super::local::LocalRay;
 use crate::{
+    layout::WIDTH,
     ray::{Hit, PathId},
     triangle_bvh::TriangleBvh,
 };
@@ -15,17 +16,11 @@ pub(super) type Lanes = [f32; LANES];
 pub(super) type Triple<S> = [f32x16<S>; 3];
 
 /// Each lane's triangle.
-#[repr(C, align(64))]
-pub(super) struct Gathered {
-    /// `corners[corner][axis][lane]`.
-    pub corners: [[Lanes; 3]; 3],
-    pub geometry: [u32; LANES],
-    pub primitive: [u32; LANES],
-}
-
-impl Gathered {
-    pub(super) const EMPTY: Self =
-        Self { corners: [[[0.0; LANES]; 3]; 3], geometry: [0; LANES], primitive: [0; LANES] };
+pub(super) struct Gathered<S: Simd> {
+    /// `corners[corner][axis]`.
+    pub corners: [Triple<S>; 3],
+    geometry: u32x16<S>,
+    primitive: u32x16<S>,
 }
 
 /// Rays of a width `V`, one per lane.
@@ -58,16 +53,20 @@ where
 {
     let zero = V::splat(simd, 0.0);
     let one = V::splat(simd, 1.0);
+    let a = sub(corners[0], rays.origin);
+    let b = sub(corners[1], rays.origin);
+    let c = sub(corners[2], rays.origin);
+    let normal = normal(simd, sub(b, a), sub(c, a));
     let size = [rays.direction[0].abs(), rays.direction[1].abs(), rays.direction[2].abs()];
     let x_is_largest = size[0].simd_gt(size[1]) & size[0].simd_gt(size[2]);
     let y_is_largest = !x_is_largest & size[1].simd_gt(size[2]);
     // Seen along the largest component, which comes last.
-    let origin = turn(rays.origin, x_is_largest, y_is_largest);
     let direction = turn(rays.direction, x_is_largest, y_is_largest);
-    let a = sub(turn(corners[0], x_is_largest, y_is_largest), origin);
-    let b = sub(turn(corners[1], x_is_largest, y_is_largest), origin);
-    let c = sub(turn(corners[2], x_is_largest, y_is_largest), origin);
-    let (across, along) = (direction[0] / direction[2], direction[1] / direction[2]);
+    let a = turn(a, x_is_largest, y_is_largest);
+    let b = turn(b, x_is_largest, y_is_largest);
+    let c = turn(c, x_is_largest, y_is_largest);
+    let scale = one / direction[2];
+    let (across, along) = (direction[0] * scale, direction[1] * scale);
     // Each corner as seen along the ray, then the weights of the corners.
     let (ax, ay) = (a[0] - across * a[2], a[1] - along * a[2]);
     let (bx, by) = (b[0] - across * b[2], b[1] - along * b[2]);
@@ -84,10 +83,7 @@ where
     let v = thin.select(third, w2 * inverse).min(one - u);
     let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse;
     let depth = thin.select((a[2] + b[2] + c[2]) * third, depth);
-    let t = inside(depth / direction[2], rays.t_min, rays.end);
-    let normal = normal(simd, sub(b, a), sub(c, a));
-    // Turning on by one and two places from (y, z, x) and (z, x, y) comes back to (x, y, z).
-    Exact { t, u, v, normal: turn(normal, y_is_largest, x_is_largest) }
+    Exact { t: inside(depth * scale, rays.t_min, rays.end), u, v, normal }
 }
 
 /// As [`exact`], for one ray; hits without names.
@@ -167,14 +163,63 @@ impl MeshOf {
         *self = Self { geometry, start: triangle - primitive, len: bvh.mesh_len(geometry) };
         (geometry, primitive)
     }
+
+    /// As [`MeshOf::locate`], for the lanes in `bits`.
+    #[inline(always)]
+    fn locate_lanes<S: Simd>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        triangles: u32x16<S>,
+        bits: u16,
+    ) -> (u32x16<S>, u32x16<S>) {
+        let within = triangles - self.start;
+        let inside = within.simd_lt(u32x16::splat(simd, self.len)).to_bitmask() as u16;
+        if bits & !inside == 0 {
+            return (u32x16::splat(simd, self.geometry), within);
+        }
+        let triangles: [u32; LANES] = triangles.into();
+        let (mut geometry, mut primitive) = ([0; LANES], [0; LANES]);
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            (geometry[lane], primitive[lane]) = self.locate(bvh, triangles[lane]);
+        }
+        (u32x16::load_array(simd, geometry), u32x16::load_array(simd, primitive))
+    }
 }
 
-impl Gathered {
-    /// The corners, in registers.
-    #[inline(always)]
-    pub(super) fn corners<S: Simd>(&self, simd: S) -> [Triple<S>; 3] {
-        [load(simd, &self.corners[0]), load(simd, &self.corners[1]), load(simd, &self.corners[2])]
+/// Takes the triangles `ids`, `block · 8 + lane`, of the lanes in `bits`; one that several lanes share is read once. (In
+/// registers: words written one by one are slow to read as a whole.)
+#[inline(always)]
+pub(super) fn gather<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ids: &[u32; LANES],
+    bits: u16,
+    mesh: &mut MeshOf,
+) -> Gathered<S> {
+    let all = u32x16::load_array_ref(simd, ids);
+    let mut corners = [[f32x16::splat(simd, 0.0); 3]; 3];
+    let mut triangles = u32x16::splat(simd, 0);
+    let mut rest = bits;
+    while rest != 0 {
+        let id = ids[(rest.trailing_zeros() & 15) as usize];
+        let sharing = all.simd_eq(u32x16::splat(simd, id));
+        rest &= !(sharing.to_bitmask() as u16);
+        let mut place = None;
+        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
+        let lane = id as usize % WIDTH;
+        for (corner, vertex) in corners.iter_mut().zip(&block.vertex) {
+            for (lanes, axis) in corner.iter_mut().zip(vertex) {
+                *lanes = sharing.select(f32x16::splat(simd, axis[lane]), *lanes);
+            }
+        }
+        triangles = sharing.select(u32x16::splat(simd, block.triangle[lane]), triangles);
     }
+    let (geometry, primitive) = mesh.locate_lanes(simd, bvh, triangles, bits);
+    Gathered { corners, geometry, primitive }
 }
 
 #[inline(always)]
@@ -189,16 +234,11 @@ pub(super) fn load<S: Simd>(simd: S, v: &[Lanes; 3]) -> Triple<S> {
 impl Words {
     /// The hits of 16 rays.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, exact: &Exact<f32x16<S>>, gathered: &Gathered) -> Self {
+    pub(super) fn new<S: Simd>(exact: &Exact<f32x16<S>>, gathered: &Gathered<S>) -> Self {
         let [x, y, z] = exact.normal;
-        let (geometry, primitive) = (as_float(simd, &gathered.geometry), as_float(simd, &gathered.primitive));
+        let (geometry, primitive) = (gathered.geometry.bitcast(), gathered.primitive.bitcast());
         transpose([exact.t, exact.u, exact.v, x, y, z, geometry, primitive])
     }
-}
-
-#[inline(always)]
-fn as_float<S: Simd>(simd: S, bits: &[u32; LANES]) -> f32x16<S> {
-    u32x16::load_array_ref(simd, bits).bitcast()
 }
 
 /// From eight words of 16 hits each to 16 hits of eight words: a perfect shuffle, three times.
@@ -215,7 +255,7 @@ fn transpose<S: Simd>(words: [f32x16<S>; 8]) -> Words {
     Words([a.into(), b.into(), c.into(), d.into(), e.into(), f.into(), g.into(), h.into()])
 }
 
-/// The unit vector along `e1 × e2`. Axis orders are cyclic, so the cross product keeps its sense.
+/// The unit vector along `e1 × e2`.
 #[inline(always)]
 fn normal<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, e1: [V; 3], e2: [V; 3]) -> [V; 3] {
     let x = product_difference(e1[1], e2[2], e1[2], e2[1]);

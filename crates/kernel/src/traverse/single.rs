@@ -3,6 +3,7 @@ use fearless_simd::{f32x8, prelude::*};
 
 use super::{
     local::{LocalRay, behind},
+    settle::LANES,
     shear::Shear,
     slab::Slab,
     stack::Stack,
@@ -35,13 +36,28 @@ impl Best {
     #[cold]
     #[inline(never)]
     pub(super) fn yields_to(self, id: u32, blocks: impl BlockSource) -> bool {
-        self.id == Self::NONE || number(blocks, id) < number(blocks, self.id)
+        self.id == Self::NONE || blocks.number(id) < blocks.number(self.id)
     }
 }
 
-/// The running number of triangle `block · 8 + lane`.
-fn number(blocks: impl BlockSource, id: u32) -> u32 {
-    blocks.block(id as usize / WIDTH, &mut None).triangle[id as usize % WIDTH]
+/// The lanes in `tied` that give up the triangles `ids` for triangle `id` at the same distance. Trees with split
+/// triangles come here often, with one triangle twice: lanes mostly have the same.
+#[cold]
+#[inline(never)]
+pub(super) fn yielding(blocks: impl BlockSource, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
+    let (mut yielding, mut rest) = (0, tied);
+    while rest != 0 {
+        let best = Best { t: 0.0, id: ids[(rest.trailing_zeros() & 15) as usize] };
+        let mut alike = 0;
+        for (lane, &other) in ids.iter().enumerate() {
+            alike |= u16::from(other == best.id) << lane;
+        }
+        if best.yields_to(id, blocks) {
+            yielding |= alike & rest;
+        }
+        rest &= !alike;
+    }
+    yielding
 }
 
 /// The closest triangle with `t_min < t <= limit`.

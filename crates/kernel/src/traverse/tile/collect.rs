@@ -6,15 +6,11 @@ use super::{
     work::{GROUP, Rays, Work},
 };
 use crate::{
-    layout::WIDTH,
     ray::PathId,
     tile::Tile,
-    traverse::settle::{self, Gathered, Lined, MeshOf, Words},
+    traverse::settle::{self, Exact, Gathered, Lanes, Lined, MeshOf, Words},
     triangle_bvh::TriangleBvh,
 };
-
-/// Up to so many lanes that share a triangle are filled one by one.
-const FEW_LANES: u32 = 3;
 
 /// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next. If
 /// there is `more` to come, it is looked for as far as to where something may coincide with them.
@@ -33,28 +29,33 @@ pub(super) fn hits<S: Simd>(
     answers: &mut Answers<'_>,
     more: bool,
 ) {
-    let mut gathered = Gathered::EMPTY;
+    // Mostly there is nothing to compare with.
+    let fresh = answers.found == [0; 4];
     let mut mesh = MeshOf::default();
     for g in 0..work.groups {
         let bits = if mask >> g & 1 != 0 { found(simd, work, g) } else { 0 };
         if bits == 0 {
             continue;
         }
-        gather(simd, &mut gathered, bvh, &work.id[g], bits, &mut mesh);
-        let words = intersect(simd, &gathered, rays, g);
+        let gathered = settle::gather(simd, bvh, &work.id[g], bits, &mut mesh);
+        let exact = intersect(simd, &gathered, rays, g);
+        let words = Words::new(&exact, &gathered);
+        let mut t: Lanes = exact.t.into();
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
-            let i = (g * GROUP + lane) & (Tile::CAPACITY - 1);
-            let t = answers.put(rays.slot[i], words.hit(lane, path));
-            if more {
-                work.settle(rays, i, t);
+            let slot = rays.slot[(g * GROUP + lane) & (Tile::CAPACITY - 1)];
+            let hit = words.hit(lane, path);
+            if fresh {
+                answers.put(slot, hit);
+            } else {
+                t[lane] = answers.merge(slot, hit);
             }
         }
         work.id[g] = [Work::NONE; GROUP];
         if more {
-            work.update_reach(simd, g);
+            work.settle_group(simd, rays, g, bits, &t);
         }
     }
     if more {
@@ -92,55 +93,9 @@ fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
     id.simd_lt(u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
 }
 
-/// Takes the triangles `ids` of the lanes in `bits`; triangles that several lanes share are read once.
-#[inline(always)]
-fn gather<S: Simd>(
-    simd: S,
-    gathered: &mut Gathered,
-    bvh: &TriangleBvh,
-    ids: &[u32; GROUP],
-    bits: u16,
-    mesh: &mut MeshOf,
-) {
-    let all = u32x16::load_array_ref(simd, ids);
-    let mut rest = bits;
-    while rest != 0 {
-        let lane = (rest.trailing_zeros() & 15) as usize;
-        let id = ids[lane];
-        let mut place = None;
-        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
-        let from = id as usize % WIDTH;
-        let same = all.simd_eq(u32x16::splat(simd, id));
-        let sharing = same.to_bitmask() as u16;
-        for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-            for (lanes, axis) in corner.iter_mut().zip(vertex) {
-                let value = axis[from];
-                if sharing.count_ones() > FEW_LANES {
-                    let before = f32x16::load_array_ref(simd, lanes);
-                    *lanes = same.select(f32x16::splat(simd, value), before).into();
-                } else {
-                    lanes[lane] = value;
-                }
-            }
-        }
-        let (geometry, primitive) = mesh.locate(bvh, block.triangle[from]);
-        if sharing.count_ones() > FEW_LANES {
-            for (lanes, value) in [(&mut gathered.geometry, geometry), (&mut gathered.primitive, primitive)] {
-                let before = u32x16::load_array_ref(simd, lanes);
-                *lanes = same.select(u32x16::splat(simd, value), before).into();
-            }
-            rest &= !sharing;
-        } else {
-            gathered.geometry[lane] = geometry;
-            gathered.primitive[lane] = primitive;
-            rest &= rest - 1;
-        }
-    }
-}
-
 /// The hits of group `g` in their triangles.
 #[inline(always)]
-fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, g: usize) -> Words {
+fn intersect<S: Simd>(simd: S, gathered: &Gathered<S>, rays: Rays<'_>, g: usize) -> Exact<f32x16<S>> {
     let [ox, oy, oz] = rays.origin.to_array();
     let rays = Lined {
         origin: [f32x16::splat(simd, ox), f32x16::splat(simd, oy), f32x16::splat(simd, oz)],
@@ -152,7 +107,7 @@ fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, g: usize) ->
         t_min: lanes(simd, &rays.tile.t_min, g),
         end: f32x16::from_bits(lanes(simd, &rays.tile.t_max, g).to_bits() - 1),
     };
-    Words::new(simd, &settle::exact(simd, gathered.corners(simd), &rays), gathered)
+    settle::exact(simd, gathered.corners, &rays)
 }
 
 #[inline(always)]

@@ -44,7 +44,7 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
                 answers.set(rays.slot[i]);
                 work.iz[g][lane] = f32::INFINITY;
             } else {
-                let t = answers.put(rays.slot[i], finished(simd, tree, path, rays.ray(i), found));
+                let t = answers.merge(rays.slot[i], finished(simd, tree, path, rays.ray(i), found));
                 work.settle(rays, i, t);
             }
         }

@@ -5,7 +5,7 @@
 //! `e = r · ((b + c) × (c − b))`, which keeps their error near that of the vertices even for small far triangles.
 //! Each gets its own rounding error added, so a ray that is inside is never lost; where two triangles meet they
 //! overlap by that error. Depth comes from the plane, not from the sum of the edge functions, which cancels.
-use fearless_simd::{f32x8, f32x16, prelude::*};
+use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
 
 use super::{
     walk::{BoxRange, Frame, meet},
@@ -14,7 +14,10 @@ use super::{
 use crate::{
     compact::Blocks,
     layout::{Block, WIDTH},
-    traverse::{local::REACH, single::Best},
+    traverse::{
+        local::REACH,
+        single::{self, Best},
+    },
 };
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
@@ -235,7 +238,7 @@ fn groups_outside<S: Simd, const ANY: bool>(
             if rays.count_ones() <= bits.count_ones() {
                 each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
-                each_triangle::<S, ANY, false>(simd, leaf.blocks, work, setup, g, bits, block)
+                each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -262,7 +265,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY, false>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -279,10 +282,9 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
     (met & nearer).to_bitmask() as u16
 }
 
-/// 16 rays in lanes, one triangle after the other. Ties are seen in passing, and only then is it all done again with
-/// `TIES`: a call inside the loop would cost it its registers.
+/// 16 rays in lanes, one triangle after the other.
 #[inline(always)]
-fn each_triangle<S: Simd, const ANY: bool, const TIES: bool>(
+fn each_triangle<S: Simd, const ANY: bool>(
     simd: S,
     blocks: Blocks<'_>,
     work: &mut Work,
@@ -291,68 +293,64 @@ fn each_triangle<S: Simd, const ANY: bool, const TIES: bool>(
     bits: u32,
     block: usize,
 ) -> bool {
-    let u = f32x16::load_array_ref(simd, &work.u[g]);
-    let v = f32x16::load_array_ref(simd, &work.v[g]);
-    let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
-    let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let mut id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
-    let zero = f32x16::splat(simd, 0.0);
-    let (mut any, mut ties) = (mask16(simd, 0), mask16(simd, 0));
+    let mut changed = false;
     let mut rest = bits;
+    // Left for a tie, and begun anew behind it: a call inside would cost the loop its registers.
     while rest != 0 {
-        let lane = (rest.trailing_zeros() & 7) as usize;
-        rest &= rest - 1;
-        let e0 = plane(simd, &setup.edge[0], lane, u, v);
-        let e1 = plane(simd, &setup.edge[1], lane, u, v);
-        let e2 = plane(simd, &setup.edge[2], lane, u, v);
-        let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
-        let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
-        let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
-        let inside = e0.min(e1).min(e2).simd_ge(zero) & z.simd_lt(start);
-        let mut hit = inside & z.simd_gt(iz);
-        let number = (block * WIDTH + lane) as u32;
-        if !ANY {
-            let tied = inside & z.simd_eq(iz);
-            if !TIES {
-                ties |= tied;
-            } else if tied.to_bitmask() != 0 {
-                hit |= mask16(simd, yielding(blocks, &id.into(), tied.to_bitmask() as u16, number));
+        let u = f32x16::load_array_ref(simd, &work.u[g]);
+        let v = f32x16::load_array_ref(simd, &work.v[g]);
+        let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
+        let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
+        let mut id = u32x16::load_array_ref(simd, &work.id[g]);
+        let zero = f32x16::splat(simd, 0.0);
+        let mut any = mask16(simd, 0);
+        let (mut tied, mut number) = (0, 0);
+        while rest != 0 && tied == 0 {
+            let lane = (rest.trailing_zeros() & 7) as usize;
+            rest &= rest - 1;
+            let e0 = plane(simd, &setup.edge[0], lane, u, v);
+            let e1 = plane(simd, &setup.edge[1], lane, u, v);
+            let e2 = plane(simd, &setup.edge[2], lane, u, v);
+            let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
+            let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
+            let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
+            let inside = e0.min(e1).min(e2).simd_ge(zero) & z.simd_lt(start);
+            let hit = inside & z.simd_gt(iz);
+            number = (block * WIDTH + lane) as u32;
+            any |= hit;
+            if ANY {
+                iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
+            } else {
+                tied = (inside & z.simd_eq(iz)).to_bitmask() as u16;
+                iz = hit.select(z, iz);
             }
+            id = hit.select(u32x16::splat(simd, number), id);
         }
-        any |= hit;
-        if ANY {
-            iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
-        } else {
-            iz = hit.select(z, iz);
+        if any.to_bitmask() != 0 {
+            work.iz[g] = iz.into();
+            work.id[g] = id.into();
+            changed = true;
         }
-        id = hit.select(fearless_simd::u32x16::splat(simd, number), id);
+        if tied != 0 {
+            choose(blocks, &mut work.id[g], tied, number);
+        }
     }
-    if !ANY && !TIES && ties.to_bitmask() != 0 {
-        return each_with_ties(simd, blocks, work, setup, g, bits, block);
-    }
-    if any.to_bitmask() == 0 {
-        return false;
-    }
-    work.iz[g] = iz.into();
-    work.id[g] = id.into();
-    true
+    changed
 }
 
+/// Gives triangle `number` to those lanes in `tied`, where it is as near as what they have, that keep it. (What has
+/// nothing at that depth ends there.)
 #[cold]
 #[inline(never)]
-fn each_with_ties<S: Simd>(
-    simd: S,
-    blocks: Blocks<'_>,
-    work: &mut Work,
-    setup: &Setup,
-    g: usize,
-    bits: u32,
-    block: usize,
-) -> bool {
-    simd.vectorize(
-        #[inline(always)]
-        || each_triangle::<S, false, true>(simd, blocks, work, setup, g, bits, block),
-    )
+fn choose(blocks: Blocks<'_>, ids: &mut [u32; GROUP], tied: u16, number: u32) {
+    let mut rest = single::yielding(blocks, ids, tied, number);
+    while rest != 0 {
+        let id = &mut ids[(rest.trailing_zeros() & 15) as usize];
+        rest &= rest - 1;
+        if *id != Work::NONE {
+            *id = number;
+        }
+    }
 }
 
 /// 8 triangles in lanes, one ray after the other: for the few rays of a scattered group.
@@ -408,14 +406,6 @@ fn each_ray<S: Simd, const ANY: bool>(
         }
     }
     any
-}
-
-/// The lanes in `tied` that give up what they have for triangle `id` at the same depth.
-#[cold]
-#[inline(never)]
-fn yielding(blocks: Blocks<'_>, ids: &[u32; GROUP], tied: u16, id: u32) -> u16 {
-    let yields = |lane: usize| tied >> lane & 1 == 1 && yields(blocks, ids[lane], id);
-    (0..GROUP).filter(|&lane| yields(lane)).fold(0, |yielding, lane| yielding | 1 << lane)
 }
 
 /// Whether triangle `id` is to be kept instead of one at the same depth; instead of none it is not, as that depth is then

@@ -72,16 +72,25 @@ impl Answers<'_> {
         self.below[word] |= bit;
     }
 
+    /// Writes the first hit of a slot.
+    #[inline(always)]
+    fn put(&mut self, slot: u8, hit: Hit) {
+        if let Some(to) = self.hits.get_mut(usize::from(slot)) {
+            *to = hit;
+            self.set(slot);
+        }
+    }
+
     /// Writes a hit if it precedes what the slot has; the distance of what it has then.
     #[inline(always)]
-    fn put(&mut self, slot: u8, hit: Hit) -> f32 {
-        let known = has(&self.found, slot);
-        let Some(to) = self.hits.get_mut(usize::from(slot)) else { return hit.t };
-        if known && !hit.precedes(to) {
-            return to.t;
+    fn merge(&mut self, slot: u8, hit: Hit) -> f32 {
+        if has(&self.found, slot)
+            && let Some(before) = self.hits.get(usize::from(slot))
+            && !hit.precedes(before)
+        {
+            return before.t;
         }
-        *to = hit;
-        self.set(slot);
+        self.put(slot, hit);
         hit.t
     }
 

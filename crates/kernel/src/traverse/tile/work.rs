@@ -303,6 +303,24 @@ impl Work {
         self.iz[g][lane] = 1.0 / (limit * self.scale[g][lane]);
     }
 
+    /// As [`Work::settle`], for the lanes in `bits` of group `g`.
+    #[inline(always)]
+    pub(super) fn settle_group<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: Rays<'_>,
+        g: usize,
+        bits: u16,
+        t: &[f32; GROUP],
+    ) {
+        let end = f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]);
+        let limit = (f32x16::load_array_ref(simd, t) * REACH).min(end);
+        let iz = f32x16::splat(simd, 1.0) / (limit * f32x16::load_array_ref(simd, &self.scale[g]));
+        let before = f32x16::load_array_ref(simd, &self.iz[g]);
+        self.iz[g] = mask16(simd, bits).select(iz, before).into();
+        self.update_reach(simd, g);
+    }
+
     /// The smallest rectangle around the groups in `mask`: (u0, u1, v0, v1).
     #[inline(always)]
     pub(super) fn rect_of(&self, mask: u16) -> [f32; 4] {
