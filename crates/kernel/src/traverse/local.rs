@@ -26,6 +26,12 @@ pub(super) fn behind(t: f32) -> f32 {
     (t * REACH).min(f32::MAX)
 }
 
+/// The float before `t_max`, which is positive or belongs to a ray that can hit nothing.
+#[inline(always)]
+pub(super) const fn before(t_max: f32) -> f32 {
+    f32::from_bits(t_max.to_bits().wrapping_sub(1))
+}
+
 impl LocalRay {
     /// Largest components of directions that are accepted.
     pub(super) const DIRECTION_RANGE: std::ops::RangeInclusive<f32> = 1.0e-12..=1.0e12;
@@ -52,7 +58,7 @@ impl LocalRay {
             origin: ray.origin.into(),
             direction: ray.direction.into(),
             t_min: ray.t_min.max(0.0),
-            end: ray.t_max.next_down(),
+            end: before(ray.t_max),
             time: ray.clamped_time(),
         }
     }

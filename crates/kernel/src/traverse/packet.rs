@@ -318,8 +318,11 @@ impl Packet {
     #[inline(always)]
     fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
         let mut first = 0;
-        while first < WIDTH {
+        loop {
             first = self.together_from::<S, ANY>(simd, bvh, block, bits, first);
+            if ANY || first == WIDTH {
+                return;
+            }
         }
     }
 
@@ -347,14 +350,11 @@ impl Packet {
         let mut limit = f32x16::load_array_ref(simd, &self.limit);
         let mut id = u32x16::load_array_ref(simd, &self.id);
         let zero = f32x16::splat(simd, 0.0);
-        let (mut next, mut tied) = (first, 0);
-        while next < WIDTH && tied == 0 {
-            let lane = next;
+        let (mut next, mut tied) = (WIDTH, 0);
+        for lane in first..WIDTH {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
-                next = WIDTH;
                 break;
             }
-            next += 1;
             let (ax, ay, az) = sheared(simd, triangles, 0, lane, turned, origin, shear);
             let (bx, by, bz) = sheared(simd, triangles, 1, lane, turned, origin, shear);
             let (cx, cy, cz) = sheared(simd, triangles, 2, lane, turned, origin, shear);
@@ -376,7 +376,11 @@ impl Packet {
             limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
             id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
             if ANY && (limit.simd_ge(zero) & wanted).to_bitmask() == 0 {
-                next = WIDTH;
+                break;
+            }
+            if tied != 0 {
+                next = lane + 1;
+                break;
             }
         }
         self.limit = limit.into();
@@ -435,8 +439,11 @@ impl Packet {
                 }
                 continue;
             }
-            let best = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
-            (self.limit[lane], self.id[lane]) = (best.t, best.id);
+            let found = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
+            // Single words that were just written are slow to read with their neighbours.
+            if found.id != best.id {
+                (self.limit[lane], self.id[lane]) = (found.t, found.id);
+            }
         }
     }
 

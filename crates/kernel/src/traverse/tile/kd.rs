@@ -12,7 +12,10 @@ use crate::{
         single,
     },
     ray::{Hit, PathId},
-    traverse::{local::LocalRay, settle},
+    traverse::{
+        local::{LocalRay, before},
+        settle,
+    },
 };
 
 const _: () = assert!(LANES == GROUP);
@@ -97,7 +100,7 @@ fn group<S: Simd, const ANY: bool>(
         let lane = (alone.trailing_zeros() & 15) as usize;
         alone &= alone - 1;
         let ray = rays.ray(g * GROUP + lane);
-        let limit = rays.limit[g * GROUP + lane].next_down();
+        let limit = before(rays.limit[g * GROUP + lane]);
         if let Some(best) = single::trace::<ANY>(tree, ray.origin, ray.direction, ray.t_min, limit) {
             found[lane] = best;
         }

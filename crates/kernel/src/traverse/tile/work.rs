@@ -7,7 +7,7 @@ use glam::{Affine3A, Vec3, Vec3A};
 
 use crate::{
     tile::Tile,
-    traverse::local::{LocalRay, REACH},
+    traverse::local::{LocalRay, REACH, before},
 };
 
 /// Rays per group, and groups per tile.
@@ -146,7 +146,7 @@ impl Rays<'_> {
     /// Ray `i` on its own.
     #[inline(always)]
     pub(super) fn ray(&self, i: usize) -> LocalRay {
-        let (t_min, end) = (self.tile.t_min[i], self.tile.t_max[i].next_down());
+        let (t_min, end) = (self.tile.t_min[i], before(self.tile.t_max[i]));
         LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, end, time: 0.0 }
     }
 }
