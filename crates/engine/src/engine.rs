@@ -30,8 +30,7 @@ pub struct EngineOptions {
     /// What the triangles of each object are sorted into. Changes a result by rounding at most.
     pub accelerator: Accelerator,
     /// A tree that deformation has worn out is built anew within [`Backend::apply`] if that is expected to take no longer,
-    /// else in the background while the old one serves. No picture depends on which tree serves, except where surfaces
-    /// coincide exactly: there the one that a traversal meets first is seen.
+    /// else in the background while the old one serves. No picture depends on which tree serves.
     pub rebuild_budget: Duration,
     /// How shaders run. Never changes a result.
     pub lanes: LaneMode,

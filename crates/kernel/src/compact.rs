@@ -249,6 +249,9 @@ pub(crate) trait BlockSource: Copy {
     fn block<'p>(self, index: usize, place: &'p mut Option<Block>) -> &'p Block
     where
         Self: 'p;
+
+    /// The running number of triangle `id`, which is `block · 8 + lane`.
+    fn number(self, id: u32) -> u32;
 }
 
 impl BlockSource for Blocks<'_> {
@@ -258,6 +261,15 @@ impl BlockSource for Blocks<'_> {
         Self: 'p,
     {
         self.get(index, place)
+    }
+
+    #[inline(always)]
+    fn number(self, id: u32) -> u32 {
+        let (index, lane) = (id as usize / WIDTH, id as usize % WIDTH);
+        match self.full.get(index) {
+            Some(block) => block.triangle[lane],
+            None => self.compact.blocks[index].0[lane],
+        }
     }
 }
 
@@ -287,6 +299,11 @@ impl BlockSource for MovingBlocks<'_> {
             }
         }
         block
+    }
+
+    #[inline(always)]
+    fn number(self, id: u32) -> u32 {
+        self.ends[0][id as usize / WIDTH].triangle[id as usize % WIDTH]
     }
 }
 

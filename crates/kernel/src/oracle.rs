@@ -82,7 +82,9 @@ impl Oracle {
     }
 
     fn closest(&self, ray: &Ray) -> Hit {
-        self.all_hits(ray).into_iter().min_by(|a, b| a.t.total_cmp(&b.t)).unwrap_or(Hit::MISS)
+        self.all_hits(ray)
+            .into_iter()
+            .fold(Hit::MISS, |best, hit| if hit.precedes(&best) { hit } else { best })
     }
 
     fn any(&self, ray: &Ray) -> bool {

@@ -79,6 +79,12 @@ impl PathId {
 }
 
 /// What a ray met first, or [`Hit::MISS`].
+///
+/// Where surfaces coincide, that is the least in the order (`t`, `path`, `geometry`, `primitive`), `t` as it stands here,
+/// which is a function of ray, path and triangle alone. It does not depend on how a tree was built, refitted or updated,
+/// nor on which rays were asked together. (Within one object the triangles are first compared by a coarser distance; of
+/// those that are equal in it, bit for bit, the least number counts. Two that coincide without being equal may so be
+/// taken for each other as far as rounding goes.)
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -110,6 +116,16 @@ impl Hit {
         primitive: u32::MAX,
         path: PathId::ROOT,
     };
+
+    /// Whether this hit is the one to keep of two on one ray: the nearer; of two equally near, the one with the lesser
+    /// (path, geometry, primitive). So the closest hit is one and the same in whatever order a tree is walked.
+    #[inline(always)]
+    pub(crate) fn precedes(&self, other: &Self) -> bool {
+        if self.t != other.t {
+            return self.t < other.t;
+        }
+        (self.path, self.geometry, self.primitive) < (other.path, other.geometry, other.primitive)
+    }
 
     /// True if something was hit.
     #[must_use]

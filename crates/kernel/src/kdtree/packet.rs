@@ -8,7 +8,7 @@
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
 use super::{
-    Corners, KdTree,
+    KdTree,
     ray::{PLANE_SLACK, SMALLEST_COMPONENT},
 };
 
@@ -40,7 +40,7 @@ pub(crate) struct Packet<S: Simd> {
     /// Shear along the first two axes, and scale of the last.
     shear: Triple<S>,
     t_min: f32x16<S>,
-    /// Distances of the nearest hits so far, at first the ends of the rays.
+    /// Distances of the nearest hits so far, at first the last ones that count.
     pub limit: f32x16<S>,
     /// Indices of the triangles hit, or [`Packet::NONE`].
     pub index: u32x16<S>,
@@ -49,8 +49,8 @@ pub(crate) struct Packet<S: Simd> {
 impl<S: Simd> Packet<S> {
     pub(crate) const NONE: u32 = u32::MAX;
 
-    /// Rays over `t_min < t < t_max`, `t_min` not negative. `axes` is a cyclic order whose last axis is at least a
-    /// quarter of the largest component of every direction.
+    /// Rays over the interval `t_min < t <= limit`, `t_min` not negative. `axes` is a cyclic order whose last axis is at
+    /// least a quarter of the largest component of every direction.
     #[inline(always)]
     pub(crate) fn new(
         simd: S,
@@ -138,7 +138,7 @@ impl<S: Simd> Packet<S> {
                 continue;
             }
             for &index in &tree.references[node.range()] {
-                self.test::<ANY>(&tree.corners[index as usize], index);
+                self.test::<ANY>(tree, index);
             }
             loop {
                 let Some(next) = waiting.pop() else {
@@ -171,8 +171,9 @@ impl<S: Simd> Packet<S> {
 
     /// All rays against one triangle: the test of `traverse/shear.rs` with rays in the lanes.
     #[inline(always)]
-    fn test<const ANY: bool>(&mut self, corners: &Corners, index: u32) {
+    fn test<const ANY: bool>(&mut self, tree: &KdTree, index: u32) {
         let simd = self.t_min.token();
+        let corners = &tree.corners[index as usize];
         let [ax, ay, az] = self.sheared(&corners[0]);
         let [bx, by, bz] = self.sheared(&corners[1]);
         let [cx, cy, cz] = self.sheared(&corners[2]);
@@ -185,7 +186,16 @@ impl<S: Simd> Packet<S> {
             return;
         }
         let t = (u * az + v * bz + w * cz) * self.shear[2] / (u + v + w);
-        let hit = inside & t.simd_gt(self.t_min) & t.simd_lt(self.limit);
+        let mut hit = inside & t.simd_gt(self.t_min) & t.simd_le(self.limit);
+        if !ANY {
+            // A triangle in several leaves is no tie.
+            let other = self.index.simd_ne(u32x16::splat(simd, index));
+            let tied = (hit & t.simd_eq(self.limit) & other).to_bitmask() as u16;
+            if tied != 0 {
+                let kept = keeping(tree, &self.index.into(), tied, index);
+                hit &= !mask32x16::from_bitmask(simd, u64::from(kept));
+            }
+        }
         // A ray that wants nothing more ends before it begins.
         let limit = if ANY { f32x16::splat(simd, -1.0) } else { t };
         self.limit = hit.select(limit, self.limit);
@@ -201,4 +211,13 @@ impl<S: Simd> Packet<S> {
         let along = f32x16::splat(simd, corner[y % 3]) - self.origin[y % 3];
         [depth.mul_add(self.shear[0], across), depth.mul_add(self.shear[1], along), depth]
     }
+}
+
+/// The lanes in `tied` that keep what they have, at the distance of triangle `index`: it has the lesser number.
+#[cold]
+#[inline(never)]
+fn keeping(tree: &KdTree, indices: &[u32; LANES], tied: u16, index: u32) -> u16 {
+    let number = |index: u32| tree.numbers.get(index as usize).copied().unwrap_or(u32::MAX);
+    let keeps = |lane: usize| tied >> lane & 1 == 1 && number(indices[lane]) <= number(index);
+    (0..LANES).filter(|&lane| keeps(lane)).fold(0, |kept, lane| kept | 1 << lane)
 }

@@ -72,12 +72,13 @@ impl KdRay {
         (enter, leave)
     }
 
-    /// Distance to a triangle if it is hit with `t_min < t < t_max`: the test of `traverse/shear.rs` for one triangle.
+    /// Distance to a triangle if it is hit with `t_min < t <= limit`, which is finite: the test of `traverse/shear.rs`
+    /// for one triangle.
     /// Vertices are sheared into a frame in which the ray is the z axis; a shared vertex lands on the same point for
     /// all its triangles, the signs of the edge functions are never wrong, and zero counts as inside [Woop, Benthin
     /// and Wald 2013].
     #[inline(always)]
-    pub(super) fn test(&self, corners: &Corners, t_max: f32) -> Option<f32> {
+    pub(super) fn test(&self, corners: &Corners, limit: f32) -> Option<f32> {
         let [ax, ay, az] = self.sheared(&corners[0]);
         let [bx, by, bz] = self.sheared(&corners[1]);
         let [cx, cy, cz] = self.sheared(&corners[2]);
@@ -89,7 +90,7 @@ impl KdRay {
         }
         // A zero determinant gives a NaN or an infinite t, which fail both comparisons together.
         let t = (u * az + v * bz + w * cz) * self.shear[2] / (u + v + w);
-        (t > self.t_min && t < t_max).then_some(t)
+        (t > self.t_min && t <= limit).then_some(t)
     }
 
     #[inline(always)]

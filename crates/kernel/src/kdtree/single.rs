@@ -15,16 +15,9 @@ struct Waiting {
     leave: f32,
 }
 
-/// A triangle that a ray settled on.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate {
-    pub t: f32,
-    /// Index in the tree's store of triangles.
-    pub index: u32,
-}
-
-/// The closest triangle with `t_min < t < t_max`; `ANY`: the first one found instead. The ray must be finite, with a
-/// direction whose largest component is within 1e-12..=1e12, and `t_min` not negative.
+/// The index, in the tree's store, of the closest triangle with `t_min < t <= limit`, of several the one with the least
+/// number; `ANY`: the first one found instead. The ray must be finite, with a direction whose largest component is
+/// within 1e-12..=1e12, and `t_min` not negative.
 ///
 /// # References
 /// Wald 2004, "Realtime ray tracing and interactive global illumination", section 7.2.1. Deviation: planes are a few
@@ -35,20 +28,20 @@ pub(crate) fn trace<const ANY: bool>(
     origin: Vec3A,
     direction: Vec3A,
     t_min: f32,
-    t_max: f32,
-) -> Option<Candidate> {
+    limit: f32,
+) -> Option<u32> {
     if tree.nodes.is_empty() {
         return None;
     }
     let ray = KdRay::new(tree, origin, direction, t_min);
-    let (mut enter, mut leave) = ray.span(tree, t_max);
+    let (mut enter, mut leave) = ray.span(tree, limit);
     if enter > leave {
         return None;
     }
     let mut waiting = [Waiting::default(); STACK];
     let mut height = 0;
     let mut best = None;
-    let mut limit = t_max;
+    let mut limit = limit;
     let mut current = 0;
     loop {
         let node = tree.nodes[current as usize];
@@ -73,8 +66,11 @@ pub(crate) fn trace<const ANY: bool>(
         }
         for &index in &tree.references[node.range()] {
             if let Some(t) = ray.test(&tree.corners[index as usize], limit) {
+                if t == limit && !yields(tree, best, index) {
+                    continue;
+                }
                 limit = t;
-                best = Some(Candidate { t, index });
+                best = Some(index);
                 if ANY {
                     return best;
                 }
@@ -86,10 +82,17 @@ pub(crate) fn trace<const ANY: bool>(
             }
             height -= 1;
             let next = waiting[height % STACK];
-            if next.enter < limit {
+            if next.enter <= limit {
                 (current, enter, leave) = (next.node, next.enter, next.leave.min(limit));
                 break;
             }
         }
     }
+}
+
+/// Whether triangle `index` at the same distance is to be kept instead.
+#[cold]
+#[inline(never)]
+fn yields(tree: &KdTree, best: Option<u32>, index: u32) -> bool {
+    best.is_none_or(|best| tree.numbers[index as usize] < tree.numbers[best as usize])
 }

@@ -38,9 +38,10 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         if let Some(bvh) = flat(root) {
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
-                let (t_end, lanes) = (packet.t_max, packet.lanes());
-                packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
-                let words = packet.hits(simd, bvh, &t_end, &mut mesh);
+                let lanes = packet.lanes();
+                let found =
+                    packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
+                let words = packet.hits(simd, bvh, found, &mut mesh);
                 for (lane, &index) in indices.iter().enumerate() {
                     if packet.id[lane] != Packet::NONE {
                         hits[usize::from(index)] = words.hit(lane, PathId::ROOT);
@@ -133,7 +134,7 @@ fn load(packet: &mut Packet, rays: &[Ray], indices: &[u8]) {
     packet.clear();
     for &index in indices {
         let ray = &rays[usize::from(index)];
-        packet.push(&LocalRay::unchecked(ray), ray.t_max);
+        packet.push(&LocalRay::unchecked(ray));
     }
 }
 
@@ -186,10 +187,7 @@ impl Octants {
 pub(super) fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> Hit {
     let mut hit = Hit::MISS;
     if let Some(local) = LocalRay::new(ray) {
-        hit.t = ray.t_max;
-        if !instances::closest(simd, root, &local, PathId::ROOT, &mut hit, stack) {
-            hit = Hit::MISS;
-        }
+        instances::closest(simd, root, &local, PathId::ROOT, &mut hit, stack);
     }
     hit
 }
@@ -197,7 +195,7 @@ pub(super) fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut St
 #[inline(always)]
 pub(super) fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> bool {
     match LocalRay::new(ray) {
-        Some(local) => instances::any(simd, root, &local, ray.t_max, stack),
+        Some(local) => instances::any(simd, root, &local, stack),
         None => false,
     }
 }
@@ -220,15 +218,9 @@ pub(super) fn closest_local<S: Simd>(
 
 /// As [`closest_local`], for any hit.
 #[inline(never)]
-pub(super) fn any_local<S: Simd>(
-    simd: S,
-    object: &Object,
-    ray: &LocalRay,
-    t_max: f32,
-    stack: &mut Stack,
-) -> bool {
+pub(super) fn any_local<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || instances::any(simd, object, ray, t_max, stack),
+        || instances::any(simd, object, ray, stack),
     )
 }

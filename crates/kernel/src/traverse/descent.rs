@@ -56,8 +56,8 @@ pub(super) fn takes_packets(object: &Object) -> bool {
     object.quadrics.is_none() && !matches!(object.triangles, Some(Triangles::KdTree(_)))
 }
 
-/// The lanes in `bits` through an object: returns those that met something before their `t_max`, which is then the
-/// distance of the hit (its normal in the object's space), or negative with `ANY`.
+/// The lanes in `bits` through an object: returns those that met something that precedes their answer so far and is
+/// now their answer (its normal in the object's space); with `ANY`, something at all, and their limit is then negative.
 ///
 /// A call of its own, so that nesting recurses; it takes the instruction set along.
 #[inline(never)]
@@ -116,14 +116,17 @@ fn triangles<S: Simd, const ANY: bool>(
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) -> u16 {
-    let t_end = packet.t_max;
-    let found = packet.trace::<S, ANY>(simd, bvh, bits, &mut scratch.visits, &mut scratch.stack);
+    let mut found = packet.trace::<S, ANY>(simd, bvh, bits, &mut scratch.visits, &mut scratch.stack);
     if !ANY && found != 0 {
-        let words = packet.hits(simd, bvh, &t_end, &mut MeshOf::default());
+        let words = packet.hits(simd, bvh, found, &mut MeshOf::default());
         for lane in lanes(found) {
-            let hit = words.hit(lane, path);
-            packet.t_max[lane] = hit.t;
-            *answers.of(lane) = hit;
+            let (hit, answer) = (words.hit(lane, path), answers.of(lane));
+            if hit.precedes(answer) {
+                *answer = hit;
+            } else {
+                found &= !(1 << lane);
+            }
+            packet.settle(lane, answer.t);
         }
     }
     found
@@ -181,7 +184,7 @@ fn enter<S: Simd, const ANY: bool>(
     let bits = below.carry(simd, packet, &placed.object_from_parent, bits);
     let path = PathId(path.0 + placed.path_offset);
     let found = through::<S, ANY>(simd, &placed.instance.object, path, &mut below, bits, answers, scratch);
-    packet.t_max = below.t_max;
+    packet.limit = below.limit;
     scratch.spare.push(below);
     if !ANY {
         for lane in lanes(found) {
@@ -209,18 +212,16 @@ fn alone<S: Simd, const ANY: bool>(
     let (stack, mut found) = (&mut scratch.stack, 0);
     for lane in lanes(bits) {
         let (ray, slab) = (packet.ray(lane), packet.slab_of(simd, lane, octant.near));
-        let t_max = &mut packet.t_max[lane];
         if ANY {
-            if instances::any_instance_below(simd, object, &ray, &slab, start, *t_max, stack) {
-                *t_max = -1.0;
+            if instances::any_instance_below(simd, object, &ray, &slab, start, stack) {
+                packet.limit[lane] = -1.0;
                 found |= 1 << lane;
             }
             continue;
         }
-        let mut hit = Hit { t: *t_max, ..Hit::MISS };
-        if instances::closest_instance_below(simd, object, &ray, &slab, start, path, &mut hit, stack) {
-            *t_max = hit.t;
-            *answers.of(lane) = hit;
+        let hit = answers.of(lane);
+        if instances::closest_instance_below(simd, object, &ray, &slab, start, path, hit, stack) {
+            packet.settle(lane, hit.t);
             found |= 1 << lane;
         }
     }
@@ -241,18 +242,16 @@ fn one_by_one<S: Simd, const ANY: bool>(
     let (stack, mut found) = (&mut scratch.stack, 0);
     for lane in lanes(bits) {
         let ray = packet.ray(lane);
-        let t_max = &mut packet.t_max[lane];
         if ANY {
-            if batch::any_local(simd, object, &ray, *t_max, stack) {
-                *t_max = -1.0;
+            if batch::any_local(simd, object, &ray, stack) {
+                packet.limit[lane] = -1.0;
                 found |= 1 << lane;
             }
             continue;
         }
-        let mut hit = Hit { t: *t_max, ..Hit::MISS };
-        if batch::closest_local(simd, object, &ray, path, &mut hit, stack) {
-            *t_max = hit.t;
-            *answers.of(lane) = hit;
+        let hit = answers.of(lane);
+        if batch::closest_local(simd, object, &ray, path, hit, stack) {
+            packet.settle(lane, hit.t);
             found |= 1 << lane;
         }
     }

@@ -2,19 +2,18 @@
 use fearless_simd::{f32x8, prelude::*};
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::{finish, local::LocalRay, quadrics, single, slab::Slab, stack::Stack};
+use super::{local::LocalRay, quadrics, settle, single, slab::Slab, stack::Stack};
 use crate::{
     compact::{BlockSource, MovingBlocks},
     kdtree,
-    layout::Child,
+    layout::{Child, WIDTH},
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
     triangle_bvh::TriangleBvh,
     triangles::Triangles,
 };
 
-/// The closest hit in `object` nearer than `hit.t`; writes `hit` (normal in the object's space) and says whether
-/// there was one.
+/// The closest hit in `object`: if it precedes `hit`, writes it there (normal in the object's space) and says so.
 #[inline(always)]
 pub(super) fn closest<S: Simd>(
     simd: S,
@@ -26,7 +25,8 @@ pub(super) fn closest<S: Simd>(
 ) -> bool {
     let mut found = false;
     if let Some(triangles) = &object.triangles
-        && let Some(nearest) = closest_triangle(simd, triangles, ray, path, hit.t, stack)
+        && let Some(nearest) = closest_triangle(simd, triangles, ray, path, ray.reach(hit.t), stack)
+        && nearest.precedes(hit)
     {
         *hit = nearest;
         found = true;
@@ -40,35 +40,34 @@ pub(super) fn closest<S: Simd>(
     found
 }
 
-/// The closest of the object's own triangles nearer than `t_max`.
+/// The closest of the object's own triangles up to `limit`.
 #[inline(always)]
 fn closest_triangle<S: Simd>(
     simd: S,
     triangles: &Triangles,
     ray: &LocalRay,
     path: PathId,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
 ) -> Option<Hit> {
-    let (t, corners, (geometry, primitive)) = match triangles {
+    let (corners, (geometry, primitive)) = match triangles {
         Triangles::Bvh(bvh) => {
-            let (t, corners, triangle) = match bvh.moving_blocks(ray.time) {
-                None => nearest(simd, bvh, bvh.blocks(), ray, t_max, stack)?,
-                Some(blocks) => nearest_moving(simd, bvh, blocks, ray, t_max, stack)?,
+            let (corners, triangle) = match bvh.moving_blocks(ray.time) {
+                None => nearest(simd, bvh, bvh.blocks(), ray, limit, stack)?,
+                Some(blocks) => nearest_moving(simd, bvh, blocks, ray, limit, stack)?,
             };
-            (t, corners, bvh.locate(triangle))
+            (corners, bvh.locate(triangle))
         }
         Triangles::KdTree(tree) => {
-            let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, t_max)?;
-            (best.t, tree.corners()[best.index as usize], tree.identify(best.index)?)
+            let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, limit)?;
+            (tree.corners()[best as usize], tree.identify(best)?)
         }
     };
-    let exact = finish::exact(ray, corners, t, t_max);
-    Some(Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path })
+    Some(Hit { geometry, primitive, path, ..settle::one(simd, ray, corners) })
 }
 
-/// Distance, corners and number of the closest triangle.
-type Nearest = (f32, [[f32; 3]; 3], u32);
+/// Corners and number of the closest triangle.
+type Nearest = ([[f32; 3]; 3], u32);
 
 #[inline(always)]
 fn nearest<S: Simd>(
@@ -76,13 +75,14 @@ fn nearest<S: Simd>(
     bvh: &TriangleBvh,
     blocks: impl BlockSource,
     ray: &LocalRay,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
 ) -> Option<Nearest> {
-    let best = single::closest(simd, bvh, blocks, ray, t_max, stack)?;
+    let best = single::closest(simd, bvh, blocks, ray, limit, stack)?;
     let mut place = None;
-    let block = blocks.block(best.block, &mut place);
-    Some((best.t, block.corners(best.lane), block.triangle[best.lane & 7]))
+    let (block, lane) = (best.id as usize / WIDTH, best.id as usize % WIDTH);
+    let block = blocks.block(block, &mut place);
+    Some((block.corners(lane), block.triangle[lane]))
 }
 
 /// A call, so that the code around it stays as for trees in which nothing moves.
@@ -92,12 +92,12 @@ fn nearest_moving<S: Simd>(
     bvh: &TriangleBvh,
     blocks: MovingBlocks<'_>,
     ray: &LocalRay,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
 ) -> Option<Nearest> {
     simd.vectorize(
         #[inline(always)]
-        || nearest(simd, bvh, blocks, ray, t_max, stack),
+        || nearest(simd, bvh, blocks, ray, limit, stack),
     )
 }
 
@@ -108,12 +108,11 @@ fn any_moving<S: Simd>(
     bvh: &TriangleBvh,
     blocks: MovingBlocks<'_>,
     ray: &LocalRay,
-    t_max: f32,
     stack: &mut Stack,
 ) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || single::any(simd, bvh, blocks, ray, t_max, stack),
+        || single::any(simd, bvh, blocks, ray, stack),
     )
 }
 
@@ -156,7 +155,7 @@ pub(super) fn closest_instance_below<S: Simd>(
             found |= enter_closest(simd, placed, ray, path, hit, stack);
         } else {
             let node = &nodes[current.0 as usize];
-            let (enter, bits) = slab.test(node, f32x8::splat(simd, hit.t));
+            let (enter, bits) = slab.test(node, f32x8::splat(simd, ray.reach(hit.t)));
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);
                 continue;
@@ -166,7 +165,7 @@ pub(super) fn closest_instance_below<S: Simd>(
                 continue;
             }
         }
-        match stack.pop(mark, hit.t) {
+        match stack.pop(mark, ray.reach(hit.t)) {
             Some(next) => current = next,
             None => return found,
         }
@@ -213,34 +212,34 @@ pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
     if largest > 0.0 { (n / largest).normalize_or_zero().into() } else { Vec3::ZERO }
 }
 
-/// Whether anything in `object` lies at `t_min < t < t_max`.
+/// Whether anything in `object` lies in the ray's interval.
 #[inline(always)]
-pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
+pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
     let met = match &object.triangles {
         None => false,
         Some(Triangles::Bvh(bvh)) => match bvh.moving_blocks(ray.time) {
-            None => single::any(simd, bvh, bvh.blocks(), ray, t_max, stack),
-            Some(blocks) => any_moving(simd, bvh, blocks, ray, t_max, stack),
+            None => single::any(simd, bvh, bvh.blocks(), ray, stack),
+            Some(blocks) => any_moving(simd, bvh, blocks, ray, stack),
         },
         Some(Triangles::KdTree(tree)) => {
-            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, t_max).is_some()
+            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, ray.end).is_some()
         }
     };
     if met {
         return true;
     }
     if let Some(shapes) = &object.quadrics
-        && quadrics::any(simd, shapes, ray, t_max, stack)
+        && quadrics::any(simd, shapes, ray, stack)
     {
         return true;
     }
-    !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, t_max, stack)
+    !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, stack)
 }
 
 #[inline(always)]
-fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, t_max: f32, stack: &mut Stack) -> bool {
+fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
     let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
-    any_instance_below(simd, object, ray, &slab, Child::inner(0), t_max, stack)
+    any_instance_below(simd, object, ray, &slab, Child::inner(0), stack)
 }
 
 /// As [`any`], for the instances of the subtree `start`.
@@ -251,17 +250,16 @@ pub(super) fn any_instance_below<S: Simd>(
     ray: &LocalRay,
     slab: &Slab<S>,
     start: Child,
-    t_max: f32,
     stack: &mut Stack,
 ) -> bool {
     let nodes = &object.instance_tree.wide.nodes[..];
-    let limit = f32x8::splat(simd, t_max);
+    let limit = f32x8::splat(simd, ray.end);
     let mark = stack.mark();
     let mut current = start;
     loop {
         if current.is_leaf() {
             let placed = &object.instances[current.payload() as usize];
-            if enter_any(simd, placed, ray, t_max, stack) {
+            if enter_any(simd, placed, ray, stack) {
                 stack.cut(mark);
                 return true;
             }
@@ -277,7 +275,7 @@ pub(super) fn any_instance_below<S: Simd>(
                 continue;
             }
         }
-        match stack.pop(mark, t_max) {
+        match stack.pop(mark, ray.end) {
             Some(next) => current = next,
             None => return false,
         }
@@ -285,13 +283,7 @@ pub(super) fn any_instance_below<S: Simd>(
 }
 
 #[inline(never)]
-fn enter_any<S: Simd>(
-    simd: S,
-    placed: &PlacedInstance,
-    ray: &LocalRay,
-    t_max: f32,
-    stack: &mut Stack,
-) -> bool {
+fn enter_any<S: Simd>(simd: S, placed: &PlacedInstance, ray: &LocalRay, stack: &mut Stack) -> bool {
     let local = if placed.instance.motion.is_none() {
         ray.transformed(&placed.object_from_parent)
     } else {
@@ -301,6 +293,6 @@ fn enter_any<S: Simd>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || any(simd, object, &local, t_max, stack),
+        || any(simd, object, &local, stack),
     )
 }

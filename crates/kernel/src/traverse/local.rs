@@ -9,8 +9,27 @@ pub(super) struct LocalRay {
     pub direction: Vec3A,
     /// Not negative.
     pub t_min: f32,
+    /// The last distance that counts, whatever the ray met so far.
+    pub end: f32,
     /// The moment in the shutter interval, in 0..=1.
     pub time: f32,
+}
+
+/// Trees are walked so much farther than to the hit so far: what coincides with it must be met too, for the choice
+/// between them not to depend on the order of the walk, and distances from the boxes' and the triangles' arithmetic
+/// differ by roundings over the cosine between ray and normal.
+pub(super) const REACH: f32 = 1.0 + 1.0 / 8192.0;
+
+/// How far boxes count for a hit at `t`; finite.
+#[inline(always)]
+pub(super) fn behind(t: f32) -> f32 {
+    (t * REACH).min(f32::MAX)
+}
+
+/// The float before `t_max`, which is positive or belongs to a ray that can hit nothing.
+#[inline(always)]
+pub(super) const fn before(t_max: f32) -> f32 {
+    f32::from_bits(t_max.to_bits().wrapping_sub(1))
 }
 
 impl LocalRay {
@@ -39,6 +58,7 @@ impl LocalRay {
             origin: ray.origin.into(),
             direction: ray.direction.into(),
             t_min: ray.t_min.max(0.0),
+            end: before(ray.t_max),
             time: ray.clamped_time(),
         }
     }
@@ -50,9 +70,16 @@ impl LocalRay {
             origin: map.transform_point3a(self.origin),
             direction: map.transform_vector3a(self.direction),
             t_min: self.t_min,
+            end: self.end,
             time: self.time,
         };
         local.in_range().then_some(local)
+    }
+
+    /// How far to look, end included, once something is known to lie at `t`.
+    #[inline(always)]
+    pub(super) fn reach(&self, t: f32) -> f32 {
+        (t * REACH).min(self.end)
     }
 
     #[inline(always)]

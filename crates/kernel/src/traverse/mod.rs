@@ -2,7 +2,6 @@
 mod ahead;
 mod batch;
 mod descent;
-mod finish;
 mod instances;
 mod local;
 mod packet;

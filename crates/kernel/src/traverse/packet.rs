@@ -10,10 +10,10 @@ use glam::Affine3A;
 
 use super::{
     ahead::Leaves,
-    local::LocalRay,
-    settle::{self, Gathered, LANES, Lanes, MeshOf, Projection, Triple, Words},
+    local::{LocalRay, REACH},
+    settle::{self, LANES, Lanes, Lined, MeshOf, Triple, Words, load, turn},
     shear::Shear,
-    single,
+    single::{self, Best},
     slab::{self, Slab},
     stack::Stack,
 };
@@ -36,8 +36,10 @@ pub(super) struct Packet {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
     t_min: Lanes,
-    /// The nearest hit so far or the ray's end; negative for lanes that want nothing.
-    pub t_max: Lanes,
+    /// The last distance that counts, whatever the rays met so far.
+    end: Lanes,
+    /// The last distance that counts, be it of the nearest hit so far; negative for lanes that want nothing.
+    pub limit: Lanes,
     /// `block · 8 + lane` of that hit, or [`Packet::NONE`].
     pub id: [u32; LANES],
     inverse: [Lanes; 3],
@@ -54,7 +56,7 @@ pub(super) struct Packet {
     len: usize,
 }
 
-/// A subtree to visit, and where each lane enters its box; +∞ for lanes that do not.
+/// A subtree to visit, and where each lane enters its box; NaN for lanes that do not.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
 pub(super) struct Visit {
@@ -70,12 +72,13 @@ pub(super) struct Octant {
 }
 
 impl Packet {
-    pub(super) const NONE: u32 = u32::MAX;
+    pub(super) const NONE: u32 = Best::NONE;
     pub(super) const EMPTY: Self = Self {
         origin: [[0.0; LANES]; 3],
         direction: [[1.0; LANES]; 3],
         t_min: [0.0; LANES],
-        t_max: [-1.0; LANES],
+        end: [0.0; LANES],
+        limit: [-1.0; LANES],
         id: [Self::NONE; LANES],
         inverse: [[1.0; LANES]; 3],
         near_shift: [[0.0; LANES]; 3],
@@ -90,7 +93,7 @@ impl Packet {
 
     pub(super) fn clear(&mut self) {
         self.len = 0;
-        self.t_max = [-1.0; LANES];
+        self.limit = [-1.0; LANES];
     }
 
     /// Bits of the lanes that hold rays.
@@ -101,12 +104,12 @@ impl Packet {
 
     /// Adds a ray; the caller keeps to 16 rays.
     #[inline(always)]
-    pub(super) fn push(&mut self, ray: &LocalRay, t_max: f32) {
+    pub(super) fn push(&mut self, ray: &LocalRay) {
         let lane = self.len & (LANES - 1);
         for (axis, (o, d)) in ray.origin.to_array().into_iter().zip(ray.direction.to_array()).enumerate() {
             (self.origin[axis][lane], self.direction[axis][lane]) = (o, d);
         }
-        (self.t_min[lane], self.t_max[lane]) = (ray.t_min, t_max);
+        (self.t_min[lane], self.end[lane], self.limit[lane]) = (ray.t_min, ray.end, ray.end);
         self.len = lane + 1;
     }
 
@@ -117,6 +120,7 @@ impl Packet {
             origin: column(&self.origin, lane).into(),
             direction: column(&self.direction, lane).into(),
             t_min: self.t_min[lane & (LANES - 1)],
+            end: self.end[lane & (LANES - 1)],
             time: 0.0,
         }
     }
@@ -141,12 +145,12 @@ impl Packet {
             self.origin[axis] = origin.into();
             self.direction[axis] = direction.into();
         }
-        (self.t_min, self.t_max) = (from.t_min, from.t_max);
+        (self.t_min, self.end, self.limit) = (from.t_min, from.end, from.limit);
         let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
         (usable & largest.simd_ge(shortest)).to_bitmask() as u16
     }
 
-    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit; the answers are in `id` and `t_max`. Returns
+    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit; the answers are in `id` and `limit`. Returns
     /// the lanes that have one.
     #[inline(always)]
     pub(super) fn trace<S: Simd, const ANY: bool>(
@@ -233,14 +237,26 @@ impl Packet {
     pub(super) fn root<S: Simd>(&self, simd: S, bits: u16) -> Visit {
         let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
         let start = f32x16::load_array_ref(simd, &self.t_min);
-        let enter = wanted.select(start, f32x16::splat(simd, f32::INFINITY));
+        let enter = wanted.select(start, f32x16::splat(simd, f32::NAN));
         Visit { enter: enter.into(), child: Child::inner(0) }
     }
 
     /// The lanes that enter a subtree before they end.
     #[inline(always)]
     pub(super) fn wanting<S: Simd>(&self, simd: S, visit: &Visit) -> mask32x16<S> {
-        f32x16::load_array_ref(simd, &visit.enter).simd_lt(f32x16::load_array_ref(simd, &self.t_max))
+        f32x16::load_array_ref(simd, &visit.enter).simd_le(self.reach(simd))
+    }
+
+    /// How far boxes count.
+    #[inline(always)]
+    fn reach<S: Simd>(&self, simd: S) -> f32x16<S> {
+        f32x16::load_array_ref(simd, &self.limit) * REACH
+    }
+
+    /// Makes something met at `t`, in whatever object, the limit for what is still to come.
+    #[inline(always)]
+    pub(super) fn settle(&mut self, lane: usize, t: f32) {
+        self.limit[lane] = (t * REACH).min(self.end[lane]);
     }
 
     /// Pushes the children of a node that some of the `wanting` lanes meet, far ones first.
@@ -254,7 +270,7 @@ impl Packet {
         wanting: mask32x16<S>,
         visits: &mut Vec<Visit>,
     ) {
-        let t_max = f32x16::load_array_ref(simd, &self.t_max);
+        let reach = self.reach(simd);
         let order = node.order[octant.number & 7];
         for rank in (0..WIDTH).rev() {
             let lane = (order >> (3 * rank) & 7) as usize;
@@ -262,13 +278,13 @@ impl Packet {
             if child == Child::NONE {
                 continue;
             }
-            let (enter, met) = self.meet(simd, node, lane, octant.near, t_max);
+            let (enter, met) = self.meet(simd, node, lane, octant.near, reach);
             let met = met & wanting;
             if met.to_bitmask() != 0 {
                 if child.is_leaf() {
                     leaves.prefetch(child);
                 }
-                let enter = met.select(enter, f32x16::splat(simd, f32::INFINITY));
+                let enter = met.select(enter, f32x16::splat(simd, f32::NAN));
                 visits.push(Visit { enter: enter.into(), child });
             }
         }
@@ -282,7 +298,7 @@ impl Packet {
         node: &Node,
         lane: usize,
         near: [usize; 3],
-        t_max: f32x16<S>,
+        reach: f32x16<S>,
     ) -> (f32x16<S>, mask32x16<S>) {
         let mut enter = f32x16::load_array_ref(simd, &self.t_min);
         let mut leave = f32x16::splat(simd, f32::INFINITY);
@@ -293,7 +309,7 @@ impl Packet {
             enter = enter.max(first.mul_sub(inverse, f32x16::load_array_ref(simd, &self.near_shift[axis])));
             leave = leave.min(last.mul_sub(inverse, f32x16::load_array_ref(simd, &self.far_shift[axis])));
         }
-        let leave = (leave * slab::FAR_SLACK).min(t_max);
+        let leave = (leave * slab::FAR_SLACK).min(reach);
         (enter, enter.simd_le(leave))
     }
 
@@ -301,6 +317,26 @@ impl Packet {
     /// triangles exchanged, operation by operation, so that a mesh stays watertight.
     #[inline(always)]
     fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+        let mut first = 0;
+        loop {
+            first = self.together_from::<S, ANY>(simd, bvh, block, bits, first);
+            if ANY || first == WIDTH {
+                return;
+            }
+        }
+    }
+
+    /// From triangle `first` on, up to where it returns: it stops behind a tie, as a call inside the loop would cost it
+    /// its registers.
+    #[inline(always)]
+    fn together_from<S: Simd, const ANY: bool>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        block: usize,
+        bits: u16,
+        first: usize,
+    ) -> usize {
         let mut place = None;
         let triangles = bvh.blocks().get(block, &mut place);
         let turned = [
@@ -311,10 +347,11 @@ impl Packet {
         let shear = load(simd, &self.shear);
         let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
         let t_min = f32x16::load_array_ref(simd, &self.t_min);
-        let mut t_max = f32x16::load_array_ref(simd, &self.t_max);
+        let mut limit = f32x16::load_array_ref(simd, &self.limit);
         let mut id = u32x16::load_array_ref(simd, &self.id);
         let zero = f32x16::splat(simd, 0.0);
-        for lane in 0..WIDTH {
+        let (mut next, mut tied) = (WIDTH, 0);
+        for lane in first..WIDTH {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
                 break;
             }
@@ -331,59 +368,51 @@ impl Packet {
             }
             let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
             let t = depth / (u + v + w);
-            let hit = inside & t.simd_gt(t_min) & t.simd_lt(t_max);
-            t_max = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, t_max);
+            let inside = inside & t.simd_gt(t_min);
+            let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
+            if !ANY {
+                tied = (inside & t.simd_eq(limit)).to_bitmask() as u16;
+            }
+            limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
             id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
-            if ANY && (t_max.simd_ge(zero) & wanted).to_bitmask() == 0 {
+            if ANY && (limit.simd_ge(zero) & wanted).to_bitmask() == 0 {
+                break;
+            }
+            if tied != 0 {
+                next = lane + 1;
                 break;
             }
         }
-        self.t_max = t_max.into();
+        self.limit = limit.into();
         self.id = id.into();
+        if tied != 0 {
+            self.choose(bvh, tied, (block * WIDTH + next - 1) as u32);
+        }
+        next
     }
 
-    /// The hits of the lanes that found something; `t_end` is where each ray ends.
-    #[inline(always)]
-    pub(super) fn hits<S: Simd>(
-        &self,
-        simd: S,
-        bvh: &TriangleBvh,
-        t_end: &Lanes,
-        mesh: &mut MeshOf,
-    ) -> Words {
-        let mut gathered = Gathered::EMPTY;
-        for lane in 0..LANES {
-            let id = self.id[lane];
-            if id == Self::NONE {
-                continue;
-            }
-            let mut place = None;
-            let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
-            let (from, axis) = (id as usize % WIDTH, self.axis[lane] as usize);
-            for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-                for (i, lanes) in corner.iter_mut().enumerate() {
-                    lanes[lane] = vertex[(axis + 1 + i) % 3][from];
-                }
-            }
-            (gathered.geometry[lane], gathered.primitive[lane]) = mesh.locate(bvh, block.triangle[from]);
+    /// Gives triangle `id` to those lanes in `tied`, where it is as near as what they have, that keep it.
+    #[cold]
+    #[inline(never)]
+    fn choose(&mut self, bvh: &TriangleBvh, tied: u16, id: u32) {
+        let mut rest = single::yielding(bvh.blocks(), &self.id, tied, id);
+        while rest != 0 {
+            self.id[(rest.trailing_zeros() & 15) as usize] = id;
+            rest &= rest - 1;
         }
-        let [x, y, scale] = load(simd, &self.shear);
-        let projection = Projection {
-            origin: load(simd, &self.sheared_origin),
-            u: -x,
-            v: -y,
-            scale,
-            t: f32x16::load_array_ref(simd, &self.t_max),
+    }
+
+    /// The hits of the lanes that found something.
+    #[inline(always)]
+    pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, found: u16, mesh: &mut MeshOf) -> Words {
+        let gathered = settle::gather(simd, bvh, &self.id, found, mesh);
+        let rays = Lined {
+            origin: load(simd, &self.origin),
+            direction: load(simd, &self.direction),
             t_min: f32x16::load_array_ref(simd, &self.t_min),
-            t_max: f32x16::load_array_ref(simd, t_end),
+            end: f32x16::load_array_ref(simd, &self.end),
         };
-        let exact = settle::exact(simd, &gathered.corners, &projection);
-        let axis = u32x16::load_array_ref(simd, &self.axis);
-        let x_is_last = axis.simd_eq(u32x16::splat(simd, 0));
-        let y_is_last = axis.simd_eq(u32x16::splat(simd, 1));
-        // Turning on by one and two places from (y, z, x) and (z, x, y) comes back to (x, y, z).
-        let normal = turn(exact.normal, y_is_last, x_is_last);
-        Words::new(simd, &exact, normal, &gathered)
+        Words::new(&settle::exact(simd, gathered.corners, &rays), &gathered)
     }
 
     /// The lanes in `bits` one by one through a subtree.
@@ -402,17 +431,18 @@ impl Packet {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
             let shear = self.shear_of(simd, lane);
-            let t_max = self.t_max[lane];
+            let best = Best { t: self.limit[lane], id: self.id[lane] };
             let slab = self.slab_of(simd, lane, near);
             if ANY {
-                if single::any_below(simd, bvh, bvh.blocks(), &slab, &shear, child, t_max, stack) {
-                    (self.id[lane], self.t_max[lane]) = (0, -1.0);
+                if single::any_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best.t, stack) {
+                    (self.id[lane], self.limit[lane]) = (0, -1.0);
                 }
-            } else if let Some(best) =
-                single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, t_max, stack)
-            {
-                self.id[lane] = (best.block * WIDTH + best.lane) as u32;
-                self.t_max[lane] = best.t;
+                continue;
+            }
+            let found = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
+            // Single words that were just written are slow to read with their neighbours.
+            if found.id != best.id {
+                (self.limit[lane], self.id[lane]) = (found.t, found.id);
             }
         }
     }
@@ -478,26 +508,6 @@ impl Packet {
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, v: &[Lanes; 3]) -> Triple<S> {
-    [
-        f32x16::load_array_ref(simd, &v[0]),
-        f32x16::load_array_ref(simd, &v[1]),
-        f32x16::load_array_ref(simd, &v[2]),
-    ]
-}
-
-/// The components with the largest one's axis last, in cyclic order: (y, z, x), (z, x, y) or (x, y, z).
-#[inline(always)]
-fn turn<S: Simd>(v: Triple<S>, x_is_largest: mask32x16<S>, y_is_largest: mask32x16<S>) -> Triple<S> {
-    let [x, y, z] = v;
-    [
-        x_is_largest.select(y, y_is_largest.select(z, x)),
-        x_is_largest.select(z, y_is_largest.select(x, y)),
-        x_is_largest.select(x, y_is_largest.select(y, z)),
-    ]
 }
 
 /// A corner as one ray per lane sees it.

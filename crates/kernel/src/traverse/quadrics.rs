@@ -1,14 +1,18 @@
 //! One ray through the tree of an object's spheres and cones.
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{local::LocalRay, slab::Slab, stack::Stack};
+use super::{
+    local::{LocalRay, behind},
+    slab::Slab,
+    stack::Stack,
+};
 use crate::{
     layout::Child,
     quadric::{Crossing, Quadrics},
     ray::{Hit, PathId},
 };
 
-/// The closest shape nearer than `hit.t`; writes `hit` (normal in the object's space) and says whether there was one.
+/// The closest shape: if it precedes `hit`, writes it there (normal in the object's space) and says so.
 #[inline(always)]
 pub(super) fn closest<S: Simd>(
     simd: S,
@@ -18,33 +22,33 @@ pub(super) fn closest<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let Some((index, crossing)) = trace::<S, false>(simd, quadrics, ray, hit.t, stack) else { return false };
+    let Some((index, crossing)) = trace::<S, false>(simd, quadrics, ray, ray.reach(hit.t), stack) else {
+        return false;
+    };
     let shape = &quadrics.shapes[index];
     let (ng, [u, v]) = (shape.normal(&crossing), shape.coordinates(crossing.point));
     let (geometry, primitive) = quadrics.names[index];
-    *hit = Hit { t: crossing.t, u, v, ng, geometry, primitive, path };
-    true
+    let nearest = Hit { t: crossing.t, u, v, ng, geometry, primitive, path };
+    let found = nearest.precedes(hit);
+    if found {
+        *hit = nearest;
+    }
+    found
 }
 
-/// Whether any shape has `t_min < t < t_max`.
+/// Whether any shape lies in the ray's interval.
 #[inline(always)]
-pub(super) fn any<S: Simd>(
-    simd: S,
-    quadrics: &Quadrics,
-    ray: &LocalRay,
-    t_max: f32,
-    stack: &mut Stack,
-) -> bool {
-    trace::<S, true>(simd, quadrics, ray, t_max, stack).is_some()
+pub(super) fn any<S: Simd>(simd: S, quadrics: &Quadrics, ray: &LocalRay, stack: &mut Stack) -> bool {
+    trace::<S, true>(simd, quadrics, ray, ray.end, stack).is_some()
 }
 
-/// The closest crossing before `t_max`, or with `ANY` the first one found.
+/// The closest crossing up to `limit`, or with `ANY` the first one found.
 #[inline(always)]
 fn trace<S: Simd, const ANY: bool>(
     simd: S,
     quadrics: &Quadrics,
     ray: &LocalRay,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
 ) -> Option<(usize, Crossing)> {
     let nodes = &quadrics.tree.nodes[..];
@@ -53,15 +57,20 @@ fn trace<S: Simd, const ANY: bool>(
     }
     let slab = Slab::new(simd, ray, quadrics.tree.extent);
     let mark = stack.mark();
-    let (mut best, mut t_max) = (None, t_max);
+    let (mut best, mut limit) = (None::<(usize, Crossing)>, limit);
     let mut current = Child::inner(0);
     loop {
         if current.is_leaf() {
             let index = current.payload() as usize;
             let shape = &quadrics.shapes[index];
-            if let Some(crossing) = shape.intersect(ray.origin.into(), ray.direction.into(), ray.t_min, t_max)
-            {
-                t_max = crossing.t;
+            let crossing =
+                shape.intersect(ray.origin.into(), ray.direction.into(), ray.t_min, limit.next_up());
+            let precedes = |crossing: &Crossing| {
+                let same = best.filter(|(_, best)| best.t == crossing.t);
+                same.is_none_or(|(best, _)| quadrics.names[index] < quadrics.names[best])
+            };
+            if let Some(crossing) = crossing.filter(precedes) {
+                limit = crossing.t;
                 best = Some((index, crossing));
                 if ANY {
                     stack.cut(mark);
@@ -70,7 +79,7 @@ fn trace<S: Simd, const ANY: bool>(
             }
         } else {
             let node = &nodes[current.0 as usize];
-            let (enter, bits) = slab.test(node, f32x8::splat(simd, t_max));
+            let (enter, bits) = slab.test(node, f32x8::splat(simd, behind(limit)));
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);
                 continue;
@@ -80,7 +89,7 @@ fn trace<S: Simd, const ANY: bool>(
                 continue;
             }
         }
-        match stack.pop(mark, t_max) {
+        match stack.pop(mark, behind(limit)) {
             Some(next) => current = next,
             None => return best,
         }

@@ -1,9 +1,11 @@
-//! From the triangles that 16 rays settled on to hits: the intersection again, in the form that is precise near the
-//! ray rather than cheap for many [Woop, Benthin and Wald 2013].
-use fearless_simd::{f32x16, prelude::*, u32x16};
+//! From the triangles that rays settled on to hits: the intersection again, in the form that is precise near the ray
+//! rather than cheap for many [Woop, Benthin and Wald 2013].
+use fearless_simd::{f32x4, f32x16, prelude::*, u32x16};
 use glam::Vec3;
 
+use super::local::LocalRay;
 use crate::{
+    layout::WIDTH,
     ray::{Hit, PathId},
     triangle_bvh::TriangleBvh,
 };
@@ -14,68 +16,111 @@ pub(super) type Lanes = [f32; LANES];
 pub(super) type Triple<S> = [f32x16<S>; 3];
 
 /// Each lane's triangle.
-#[repr(C, align(64))]
-pub(super) struct Gathered {
-    /// `corners[corner][axis][lane]`; the axes in cyclic order, the one along which the ray is projected last.
-    pub corners: [[Lanes; 3]; 3],
-    pub geometry: [u32; LANES],
-    pub primitive: [u32; LANES],
+pub(super) struct Gathered<S: Simd> {
+    /// `corners[corner][axis]`.
+    pub corners: [Triple<S>; 3],
+    geometry: u32x16<S>,
+    primitive: u32x16<S>,
 }
 
-impl Gathered {
-    pub(super) const EMPTY: Self =
-        Self { corners: [[[0.0; LANES]; 3]; 3], geometry: [0; LANES], primitive: [0; LANES] };
-}
-
-/// How 16 rays are seen along their last axis.
+/// Rays of a width `V`, one per lane.
 #[derive(Clone, Copy)]
-pub(super) struct Projection<S: Simd> {
-    /// In the axis order of the corners.
-    pub origin: Triple<S>,
-    /// Direction over its last component.
-    pub u: f32x16<S>,
-    pub v: f32x16<S>,
-    /// Ray parameter per unit along the last axis.
-    pub scale: f32x16<S>,
-    /// What stands if the triangle has no width along the ray.
-    pub t: f32x16<S>,
-    /// The open interval in which the answer must lie.
-    pub t_min: f32x16<S>,
-    pub t_max: f32x16<S>,
+pub(super) struct Lined<V> {
+    pub origin: [V; 3],
+    pub direction: [V; 3],
+    /// The answer must lie behind this,
+    pub t_min: V,
+    /// and no farther than this.
+    pub end: V,
 }
 
-/// Distance and barycentrics, and the unit normal in the axis order of the corners.
-pub(super) struct Exact<S: Simd> {
-    pub t: f32x16<S>,
-    pub u: f32x16<S>,
-    pub v: f32x16<S>,
-    pub normal: Triple<S>,
+/// Distance, barycentrics and unit normal.
+#[derive(Clone, Copy)]
+pub(super) struct Exact<V> {
+    pub t: V,
+    pub u: V,
+    pub v: V,
+    pub normal: [V; 3],
 }
 
-/// Intersects 16 rays with a triangle each.
+/// Intersects each ray with its triangle, `corners[corner][axis]`. The answer depends on the ray and the triangle alone,
+/// bit for bit, so that distances can be compared whatever walk they come from.
 #[inline(always)]
-pub(super) fn exact<S: Simd>(simd: S, corners: &[[Lanes; 3]; 3], rays: &Projection<S>) -> Exact<S> {
-    let a = relative(simd, &corners[0], rays.origin);
-    let b = relative(simd, &corners[1], rays.origin);
-    let c = relative(simd, &corners[2], rays.origin);
+pub(super) fn exact<S: Simd, V>(simd: S, corners: [[V; 3]; 3], rays: &Lined<V>) -> Exact<V>
+where
+    V: SimdFloat<S, Element = f32>,
+    V::Bits: SimdInt<S, Element = u32>,
+{
+    let zero = V::splat(simd, 0.0);
+    let one = V::splat(simd, 1.0);
+    let a = sub(corners[0], rays.origin);
+    let b = sub(corners[1], rays.origin);
+    let c = sub(corners[2], rays.origin);
+    let normal = normal(simd, sub(b, a), sub(c, a));
+    let size = [rays.direction[0].abs(), rays.direction[1].abs(), rays.direction[2].abs()];
+    let x_is_largest = size[0].simd_gt(size[1]) & size[0].simd_gt(size[2]);
+    let y_is_largest = !x_is_largest & size[1].simd_gt(size[2]);
+    // Seen along the largest component, which comes last.
+    let direction = turn(rays.direction, x_is_largest, y_is_largest);
+    let a = turn(a, x_is_largest, y_is_largest);
+    let b = turn(b, x_is_largest, y_is_largest);
+    let c = turn(c, x_is_largest, y_is_largest);
+    let scale = one / direction[2];
+    let (across, along) = (direction[0] * scale, direction[1] * scale);
     // Each corner as seen along the ray, then the weights of the corners.
-    let (ax, ay) = (a[0] - rays.u * a[2], a[1] - rays.v * a[2]);
-    let (bx, by) = (b[0] - rays.u * b[2], b[1] - rays.v * b[2]);
-    let (cx, cy) = (c[0] - rays.u * c[2], c[1] - rays.v * c[2]);
+    let (ax, ay) = (a[0] - across * a[2], a[1] - along * a[2]);
+    let (bx, by) = (b[0] - across * b[2], b[1] - along * b[2]);
+    let (cx, cy) = (c[0] - across * c[2], c[1] - along * c[2]);
     let (w0, w1, w2) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
-    let zero = f32x16::splat(simd, 0.0);
-    let one = f32x16::splat(simd, 1.0);
     let side = one.copysign(w0 + w1 + w2);
     let (w0, w1, w2) = ((w0 * side).max(zero), (w1 * side).max(zero), (w2 * side).max(zero));
     let sum = w0 + w1 + w2;
+    // No width along the ray: the middle will do.
     let thin = sum.simd_eq(zero);
     let inverse = one / thin.select(one, sum);
-    let third = f32x16::splat(simd, 1.0 / 3.0);
+    let third = V::splat(simd, 1.0 / 3.0);
     let u = thin.select(third, w1 * inverse).min(one);
     let v = thin.select(third, w2 * inverse).min(one - u);
     let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse;
-    let t = inside(thin.select(rays.t, depth * rays.scale), rays.t_min, rays.t_max);
-    Exact { t, u, v, normal: normal(simd, sub(b, a), sub(c, a)) }
+    let depth = thin.select((a[2] + b[2] + c[2]) * third, depth);
+    Exact { t: inside(depth * scale, rays.t_min, rays.end), u, v, normal }
+}
+
+/// As [`exact`], for one ray; hits without names.
+#[inline(always)]
+pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> Hit {
+    let mut lanes = [[f32x4::splat(simd, 0.0); 3]; 3];
+    for (lanes, corner) in lanes.iter_mut().zip(corners) {
+        *lanes = splat(simd, corner);
+    }
+    let rays = Lined {
+        origin: splat(simd, ray.origin.to_array()),
+        direction: splat(simd, ray.direction.to_array()),
+        t_min: f32x4::splat(simd, ray.t_min),
+        end: f32x4::splat(simd, ray.end),
+    };
+    let Exact { t, u, v, normal: [x, y, z] } = exact(simd, lanes, &rays);
+    Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, v: [f32; 3]) -> [f32x4<S>; 3] {
+    [f32x4::splat(simd, v[0]), f32x4::splat(simd, v[1]), f32x4::splat(simd, v[2])]
+}
+
+/// The components with the largest one's axis last, in cyclic order: (y, z, x), (z, x, y) or (x, y, z).
+#[inline(always)]
+pub(super) fn turn<S: Simd, V: SimdBase<S>>(
+    v: [V; 3],
+    x_is_largest: V::Mask,
+    y_is_largest: V::Mask,
+) -> [V; 3] {
+    let [x, y, z] = v;
+    [
+        x_is_largest.select(y, y_is_largest.select(z, x)),
+        x_is_largest.select(z, y_is_largest.select(x, y)),
+        x_is_largest.select(x, y_is_largest.select(y, z)),
+    ]
 }
 
 /// The eight words of 16 hits before the path, hit after hit.
@@ -118,21 +163,82 @@ impl MeshOf {
         *self = Self { geometry, start: triangle - primitive, len: bvh.mesh_len(geometry) };
         (geometry, primitive)
     }
-}
 
-impl Words {
-    /// The hits of 16 rays; the normal in the object's axis order.
+    /// As [`MeshOf::locate`], for the lanes in `bits`.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, exact: &Exact<S>, normal: Triple<S>, gathered: &Gathered) -> Self {
-        let [x, y, z] = normal;
-        let (geometry, primitive) = (as_float(simd, &gathered.geometry), as_float(simd, &gathered.primitive));
-        transpose([exact.t, exact.u, exact.v, x, y, z, geometry, primitive])
+    fn locate_lanes<S: Simd>(
+        &mut self,
+        simd: S,
+        bvh: &TriangleBvh,
+        triangles: u32x16<S>,
+        bits: u16,
+    ) -> (u32x16<S>, u32x16<S>) {
+        let within = triangles - self.start;
+        let inside = within.simd_lt(u32x16::splat(simd, self.len)).to_bitmask() as u16;
+        if bits & !inside == 0 {
+            return (u32x16::splat(simd, self.geometry), within);
+        }
+        let triangles: [u32; LANES] = triangles.into();
+        let (mut geometry, mut primitive) = ([0; LANES], [0; LANES]);
+        let mut rest = bits;
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 15) as usize;
+            rest &= rest - 1;
+            (geometry[lane], primitive[lane]) = self.locate(bvh, triangles[lane]);
+        }
+        (u32x16::load_array(simd, geometry), u32x16::load_array(simd, primitive))
     }
 }
 
+/// Takes the triangles `ids`, `block · 8 + lane`, of the lanes in `bits`; one that several lanes share is read once. (In
+/// registers: words written one by one are slow to read as a whole.)
 #[inline(always)]
-fn as_float<S: Simd>(simd: S, bits: &[u32; LANES]) -> f32x16<S> {
-    u32x16::load_array_ref(simd, bits).bitcast()
+pub(super) fn gather<S: Simd>(
+    simd: S,
+    bvh: &TriangleBvh,
+    ids: &[u32; LANES],
+    bits: u16,
+    mesh: &mut MeshOf,
+) -> Gathered<S> {
+    let all = u32x16::load_array_ref(simd, ids);
+    let mut corners = [[f32x16::splat(simd, 0.0); 3]; 3];
+    let mut triangles = u32x16::splat(simd, 0);
+    let mut rest = bits;
+    while rest != 0 {
+        let id = ids[(rest.trailing_zeros() & 15) as usize];
+        let sharing = all.simd_eq(u32x16::splat(simd, id));
+        rest &= !(sharing.to_bitmask() as u16);
+        let mut place = None;
+        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
+        let lane = id as usize % WIDTH;
+        for (corner, vertex) in corners.iter_mut().zip(&block.vertex) {
+            for (lanes, axis) in corner.iter_mut().zip(vertex) {
+                *lanes = sharing.select(f32x16::splat(simd, axis[lane]), *lanes);
+            }
+        }
+        triangles = sharing.select(u32x16::splat(simd, block.triangle[lane]), triangles);
+    }
+    let (geometry, primitive) = mesh.locate_lanes(simd, bvh, triangles, bits);
+    Gathered { corners, geometry, primitive }
+}
+
+#[inline(always)]
+pub(super) fn load<S: Simd>(simd: S, v: &[Lanes; 3]) -> Triple<S> {
+    [
+        f32x16::load_array_ref(simd, &v[0]),
+        f32x16::load_array_ref(simd, &v[1]),
+        f32x16::load_array_ref(simd, &v[2]),
+    ]
+}
+
+impl Words {
+    /// The hits of 16 rays.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(exact: &Exact<f32x16<S>>, gathered: &Gathered<S>) -> Self {
+        let [x, y, z] = exact.normal;
+        let (geometry, primitive) = (gathered.geometry.bitcast(), gathered.primitive.bitcast());
+        transpose([exact.t, exact.u, exact.v, x, y, z, geometry, primitive])
+    }
 }
 
 /// From eight words of 16 hits each to 16 hits of eight words: a perfect shuffle, three times.
@@ -149,51 +255,44 @@ fn transpose<S: Simd>(words: [f32x16<S>; 8]) -> Words {
     Words([a.into(), b.into(), c.into(), d.into(), e.into(), f.into(), g.into(), h.into()])
 }
 
-/// The unit vector along `e1 × e2`. Axis orders are cyclic, so the cross product keeps its sense.
+/// The unit vector along `e1 × e2`.
 #[inline(always)]
-fn normal<S: Simd>(simd: S, e1: Triple<S>, e2: Triple<S>) -> Triple<S> {
+fn normal<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, e1: [V; 3], e2: [V; 3]) -> [V; 3] {
     let x = product_difference(e1[1], e2[2], e1[2], e2[1]);
     let y = product_difference(e1[2], e2[0], e1[0], e2[2]);
     let z = product_difference(e1[0], e2[1], e1[1], e2[0]);
     // Scaled first, so that squares neither overflow nor vanish.
-    let largest = x.abs().max(y.abs()).max(z.abs()).max(f32x16::splat(simd, f32::MIN_POSITIVE));
-    let scale = f32x16::splat(simd, 1.0) / largest;
+    let one = V::splat(simd, 1.0);
+    let largest = x.abs().max(y.abs()).max(z.abs()).max(V::splat(simd, f32::MIN_POSITIVE));
+    let scale = one / largest;
     let (x, y, z) = (x * scale, y * scale, z * scale);
     let length = (x * x + y * y + z * z).sqrt();
-    let usable = length.simd_gt(f32x16::splat(simd, 0.0));
-    let inverse = f32x16::splat(simd, 1.0) / usable.select(length, f32x16::splat(simd, 1.0));
+    let usable = length.simd_gt(V::splat(simd, 0.0));
+    let inverse = one / usable.select(length, one);
     [x * inverse, y * inverse, z * inverse]
 }
 
 /// `ab − cd` with the second product's rounding error put back (Kahan): thin triangles keep their normal.
 #[inline(always)]
-fn product_difference<S: Simd>(a: f32x16<S>, b: f32x16<S>, c: f32x16<S>, d: f32x16<S>) -> f32x16<S> {
+fn product_difference<S: Simd, V: SimdFloat<S>>(a: V, b: V, c: V, d: V) -> V {
     let cd = c * d;
     let error = (-c).mul_add(d, cd);
     a.mul_sub(b, cd) + error
 }
 
 #[inline(always)]
-fn relative<S: Simd>(simd: S, corner: &[Lanes; 3], origin: Triple<S>) -> Triple<S> {
-    [
-        f32x16::load_array_ref(simd, &corner[0]) - origin[0],
-        f32x16::load_array_ref(simd, &corner[1]) - origin[1],
-        f32x16::load_array_ref(simd, &corner[2]) - origin[2],
-    ]
-}
-
-#[inline(always)]
-fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
+fn sub<S: Simd, V: SimdBase<S>>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// `t` moved into the open interval, from which rounding may have pushed it.
+/// `t` moved into the interval, from which rounding may have pushed it.
 #[inline(always)]
-fn inside<S: Simd>(t: f32x16<S>, t_min: f32x16<S>, t_max: f32x16<S>) -> f32x16<S> {
-    let one = u32x16::splat(t.token(), 1);
+fn inside<S: Simd, V>(t: V, t_min: V, end: V) -> V
+where
+    V: SimdFloat<S, Element = f32>,
+    V::Bits: SimdInt<S, Element = u32>,
+{
     // The next float: those that are not negative are ordered like their bits, once −0 is 0.
-    let after_start = (t_min.abs().bitcast::<u32x16<S>>() + one).bitcast::<f32x16<S>>();
-    let before_end = (t_max.bitcast::<u32x16<S>>() - one).bitcast::<f32x16<S>>();
-    let t = t.simd_le(t_min).select(after_start, t);
-    t.simd_ge(t_max).select(before_end, t)
+    let after_start = V::from_bits(t_min.abs().to_bits() + 1);
+    t.simd_le(t_min).select(after_start, t).min(end)
 }

@@ -50,9 +50,9 @@ impl<S: Simd> Shear<S> {
         }
     }
 
-    /// Distances, and a bit for each triangle hit with `t_min < t < t_max`.
+    /// Distances, and a bit for each triangle hit with `t_min < t <= limit`, which is finite.
     #[inline(always)]
-    pub(super) fn test(&self, block: &Block, t_max: f32x8<S>) -> (f32x8<S>, u32) {
+    pub(super) fn test(&self, block: &Block, limit: f32x8<S>) -> (f32x8<S>, u32) {
         let (ax, ay, az) = self.vertex(&block.vertex[0]);
         let (bx, by, bz) = self.vertex(&block.vertex[1]);
         let (cx, cy, cz) = self.vertex(&block.vertex[2]);
@@ -71,8 +71,8 @@ impl<S: Simd> Shear<S> {
         // u, v and w have one sign, so neither sum cancels: t stays between the corners' distances.
         let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * self.shear[2];
         let t = depth / determinant;
-        // A zero determinant gives a NaN or an infinite t; NaN fails these tests, and t < t_max fails for ∞.
-        let valid = inside & t.simd_gt(self.t_min) & t.simd_lt(t_max);
+        // A zero determinant gives a NaN or an infinite t; NaN fails these tests, and t <= limit fails for ∞.
+        let valid = inside & t.simd_gt(self.t_min) & t.simd_le(limit);
         (t, valid.to_bitmask() as u32)
     }
 

@@ -1,36 +1,86 @@
 //! One ray through one 8-wide tree of triangles.
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{local::LocalRay, shear::Shear, slab::Slab, stack::Stack};
-use crate::{compact::BlockSource, layout::Child, triangle_bvh::TriangleBvh};
+use super::{
+    local::{LocalRay, behind},
+    settle::LANES,
+    shear::Shear,
+    slab::Slab,
+    stack::Stack,
+};
+use crate::{
+    compact::BlockSource,
+    layout::{Child, WIDTH},
+    triangle_bvh::TriangleBvh,
+};
 
-/// A triangle that a traversal settled on.
+/// The triangle that a traversal settled on, or none yet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(super) struct Best {
+    /// Its distance, or the last one that counts.
     pub t: f32,
-    pub block: usize,
-    pub lane: usize,
+    /// `block · 8 + lane`, or [`Best::NONE`].
+    pub id: u32,
 }
 
-/// The closest triangle with `t_min < t < t_max`.
+impl Best {
+    pub(super) const NONE: u32 = u32::MAX;
+
+    /// Nothing yet, up to the distance `limit`, which counts.
+    #[inline(always)]
+    pub(super) fn up_to(limit: f32) -> Self {
+        Self { t: limit, id: Self::NONE }
+    }
+
+    /// Whether triangle `id` at the same distance is to be kept instead: the one with the lesser number.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn yields_to(self, id: u32, blocks: impl BlockSource) -> bool {
+        self.id == Self::NONE || blocks.number(id) < blocks.number(self.id)
+    }
+}
+
+/// The lanes in `tied` that give up the triangles `ids` for triangle `id` at the same distance. Trees with split
+/// triangles come here often, with one triangle twice: lanes mostly have the same.
+#[cold]
+#[inline(never)]
+pub(super) fn yielding(blocks: impl BlockSource, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
+    let (mut yielding, mut rest) = (0, tied);
+    while rest != 0 {
+        let best = Best { t: 0.0, id: ids[(rest.trailing_zeros() & 15) as usize] };
+        let mut alike = 0;
+        for (lane, &other) in ids.iter().enumerate() {
+            alike |= u16::from(other == best.id) << lane;
+        }
+        if best.yields_to(id, blocks) {
+            yielding |= alike & rest;
+        }
+        rest &= !alike;
+    }
+    yielding
+}
+
+/// The closest triangle with `t_min < t <= limit`.
 #[inline(always)]
 pub(super) fn closest<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     blocks: impl BlockSource,
     ray: &LocalRay,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
-) -> Option<Candidate> {
+) -> Option<Best> {
     if bvh.tree.is_empty() {
         return None;
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
-    closest_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), t_max, stack)
+    let best = Best::up_to(limit);
+    let best = closest_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), best, stack);
+    (best.id != Best::NONE).then_some(best)
 }
 
-/// As [`closest`], in the subtree `start`.
+/// As [`closest`], in the subtree `start`, by a ray that has a `best` from elsewhere in the tree.
 #[expect(
     clippy::too_many_arguments,
     reason = "a ray set up for boxes and triangles, and the tree in two parts"
@@ -43,24 +93,25 @@ pub(super) fn closest_below<S: Simd>(
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
-    t_max: f32,
+    best: Best,
     stack: &mut Stack,
-) -> Option<Candidate> {
+) -> Best {
     let nodes = bvh.tree.view();
     let mark = stack.mark();
-    let mut best = None;
-    let mut t_max = t_max;
+    let mut best = best;
+    let mut reach = behind(best.t);
     let mut current = start;
     loop {
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                closest_in_block(simd, shear, blocks, block, &mut t_max, &mut best);
+                closest_in_block(simd, shear, blocks, block, &mut best);
             }
+            reach = behind(best.t);
         } else {
             let mut place = None;
             let node = nodes.get(simd, current.0 as usize, &mut place);
-            let (enter, bits) = slab.test(node, f32x8::splat(simd, t_max));
+            let (enter, bits) = slab.test(node, f32x8::splat(simd, reach));
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);
                 continue;
@@ -70,7 +121,7 @@ pub(super) fn closest_below<S: Simd>(
                 continue;
             }
         }
-        match stack.pop(mark, t_max) {
+        match stack.pop(mark, reach) {
             Some(next) => current = next,
             None => return best,
         }
@@ -83,10 +134,9 @@ fn closest_in_block<S: Simd>(
     shear: &Shear<S>,
     blocks: impl BlockSource,
     block: usize,
-    t_max: &mut f32,
-    best: &mut Option<Candidate>,
+    best: &mut Best,
 ) {
-    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, *t_max));
+    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, best.t));
     if bits == 0 {
         return;
     }
@@ -94,21 +144,20 @@ fn closest_in_block<S: Simd>(
     while bits != 0 {
         let lane = (bits.trailing_zeros() & 7) as usize;
         bits &= bits - 1;
-        if t[lane] < *t_max {
-            *t_max = t[lane];
-            *best = Some(Candidate { t: t[lane], block, lane });
+        let id = (block * WIDTH + lane) as u32;
+        if t[lane] < best.t || (t[lane] == best.t && best.yields_to(id, blocks)) {
+            *best = Best { t: t[lane], id };
         }
     }
 }
 
-/// Whether any triangle has `t_min < t < t_max`.
+/// Whether any triangle lies in the ray's interval.
 #[inline(always)]
 pub(super) fn any<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     blocks: impl BlockSource,
     ray: &LocalRay,
-    t_max: f32,
     stack: &mut Stack,
 ) -> bool {
     if bvh.tree.is_empty() {
@@ -116,10 +165,10 @@ pub(super) fn any<S: Simd>(
     }
     let slab = Slab::new(simd, ray, bvh.tree.extent);
     let shear = Shear::new(simd, ray);
-    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), t_max, stack)
+    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), ray.end, stack)
 }
 
-/// As [`any`], in the subtree `start`.
+/// As [`any`], in the subtree `start`, up to the distance `limit`, which counts.
 #[expect(
     clippy::too_many_arguments,
     reason = "a ray set up for boxes and triangles, and the tree in two parts"
@@ -132,18 +181,18 @@ pub(super) fn any_below<S: Simd>(
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
-    t_max: f32,
+    limit: f32,
     stack: &mut Stack,
 ) -> bool {
     let nodes = bvh.tree.view();
-    let limit = f32x8::splat(simd, t_max);
+    let limits = f32x8::splat(simd, limit);
     let mark = stack.mark();
     let mut current = start;
     loop {
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                if shear.test(blocks.block(block, &mut None), limit).1 != 0 {
+                if shear.test(blocks.block(block, &mut None), limits).1 != 0 {
                     stack.cut(mark);
                     return true;
                 }
@@ -151,7 +200,7 @@ pub(super) fn any_below<S: Simd>(
         } else {
             let mut place = None;
             let node = nodes.get(simd, current.0 as usize, &mut place);
-            let (enter, bits) = slab.test(node, limit);
+            let (enter, bits) = slab.test(node, limits);
             if bits & bits.wrapping_sub(1) != 0 {
                 current = stack.push_sorted(&enter.to_array(), &node.child, bits);
                 continue;
@@ -161,7 +210,7 @@ pub(super) fn any_below<S: Simd>(
                 continue;
             }
         }
-        match stack.pop(mark, t_max) {
+        match stack.pop(mark, limit) {
             Some(next) => current = next,
             None => return false,
         }

@@ -63,7 +63,7 @@ impl<S: Simd> Slab<S> {
         }
     }
 
-    /// Entry distances, and a bit for each child that the ray meets before `t_max`.
+    /// Entry distances, and a bit for each child that the ray meets up to `t_max`.
     #[inline(always)]
     pub(super) fn test(&self, node: &Node, t_max: f32x8<S>) -> (f32x8<S>, u32) {
         let simd = self.t_min.token();

@@ -46,12 +46,12 @@ impl Stack {
         self.entries.truncate(mark);
     }
 
-    /// The next entry above `mark` that begins nearer than `t_max`.
+    /// The next entry above `mark` that begins no farther than `t_max`.
     #[inline(always)]
     pub(super) fn pop(&mut self, mark: usize, t_max: f32) -> Option<Child> {
         while self.entries.len() > mark {
             let entry = self.entries.pop()?;
-            if entry.distance() < t_max {
+            if entry.distance() <= t_max {
                 return Some(entry.child());
             }
         }

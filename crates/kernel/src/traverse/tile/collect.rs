@@ -3,20 +3,21 @@ use fearless_simd::{f32x16, prelude::*, u32x16};
 
 use super::{
     Answers,
-    work::{Face, GROUP, Rays, Work},
+    work::{GROUP, Rays, Work},
 };
 use crate::{
-    layout::WIDTH,
     ray::PathId,
     tile::Tile,
-    traverse::settle::{self, Gathered, MeshOf, Projection, Words},
+    traverse::settle::{self, Exact, Gathered, Lanes, Lined, MeshOf, Words},
     triangle_bvh::TriangleBvh,
 };
 
-/// Up to so many lanes that share a triangle are filled one by one.
-const FEW_LANES: u32 = 3;
-
-/// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
+/// Writes the hits of the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next. If
+/// there is `more` to come, it is looked for as far as to where something may coincide with them.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the rays, what they meet and where the answers go; a struct would only rename them"
+)]
 #[inline(always)]
 pub(super) fn hits<S: Simd>(
     simd: S,
@@ -26,24 +27,39 @@ pub(super) fn hits<S: Simd>(
     mask: u16,
     work: &mut Work,
     answers: &mut Answers<'_>,
+    more: bool,
 ) {
-    let mut gathered = Gathered::EMPTY;
+    // Mostly there is nothing to compare with.
+    let fresh = answers.found == [0; 4];
     let mut mesh = MeshOf::default();
     for g in 0..work.groups {
         let bits = if mask >> g & 1 != 0 { found(simd, work, g) } else { 0 };
         if bits == 0 {
             continue;
         }
-        gather(simd, &mut gathered, bvh, work.face, &work.id[g], bits, &mut mesh);
-        let words = intersect(simd, &gathered, rays, work, g);
+        let gathered = settle::gather(simd, bvh, &work.id[g], bits, &mut mesh);
+        let exact = intersect(simd, &gathered, rays, g);
+        let words = Words::new(&exact, &gathered);
+        let mut t: Lanes = exact.t.into();
         let mut rest = bits;
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
             let slot = rays.slot[(g * GROUP + lane) & (Tile::CAPACITY - 1)];
-            answers.put(slot, words.hit(lane, path));
+            let hit = words.hit(lane, path);
+            if fresh {
+                answers.put(slot, hit);
+            } else {
+                t[lane] = answers.merge(slot, hit);
+            }
         }
         work.id[g] = [Work::NONE; GROUP];
+        if more {
+            work.settle_group(simd, rays, g, bits, &t);
+        }
+    }
+    if more {
+        work.update_far(simd);
     }
 }
 
@@ -77,79 +93,24 @@ fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
     id.simd_lt(u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
 }
 
-/// Takes the triangles `ids` of the lanes in `bits`; triangles that several lanes share are read once.
-#[inline(always)]
-fn gather<S: Simd>(
-    simd: S,
-    gathered: &mut Gathered,
-    bvh: &TriangleBvh,
-    face: Face,
-    ids: &[u32; GROUP],
-    bits: u16,
-    mesh: &mut MeshOf,
-) {
-    let all = u32x16::load_array_ref(simd, ids);
-    let mut rest = bits;
-    while rest != 0 {
-        let lane = (rest.trailing_zeros() & 15) as usize;
-        let id = ids[lane];
-        let mut place = None;
-        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
-        let from = id as usize % WIDTH;
-        let same = all.simd_eq(u32x16::splat(simd, id));
-        let sharing = same.to_bitmask() as u16;
-        for (corner, vertex) in gathered.corners.iter_mut().zip(&block.vertex) {
-            for (lanes, axis) in corner.iter_mut().zip(face.axes) {
-                let value = vertex[axis % 3][from];
-                if sharing.count_ones() > FEW_LANES {
-                    let before = f32x16::load_array_ref(simd, lanes);
-                    *lanes = same.select(f32x16::splat(simd, value), before).into();
-                } else {
-                    lanes[lane] = value;
-                }
-            }
-        }
-        let (geometry, primitive) = mesh.locate(bvh, block.triangle[from]);
-        if sharing.count_ones() > FEW_LANES {
-            for (lanes, value) in [(&mut gathered.geometry, geometry), (&mut gathered.primitive, primitive)] {
-                let before = u32x16::load_array_ref(simd, lanes);
-                *lanes = same.select(u32x16::splat(simd, value), before).into();
-            }
-            rest &= !sharing;
-        } else {
-            gathered.geometry[lane] = geometry;
-            gathered.primitive[lane] = primitive;
-            rest &= rest - 1;
-        }
-    }
-}
-
 /// The hits of group `g` in their triangles.
 #[inline(always)]
-fn intersect<S: Simd>(simd: S, gathered: &Gathered, rays: Rays<'_>, work: &Work, g: usize) -> Words {
-    let face = work.face;
-    let [ku, kv, kk] = face.axes.map(|axis| axis % 3);
-    let origin = rays.origin.to_array();
-    let sign = f32x16::splat(simd, face.sign);
-    let scale = sign / f32x16::load_array_ref(simd, &work.scale[g]);
-    let iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let projection = Projection {
-        origin: [
-            f32x16::splat(simd, origin[ku]),
-            f32x16::splat(simd, origin[kv]),
-            f32x16::splat(simd, origin[kk]),
+fn intersect<S: Simd>(simd: S, gathered: &Gathered<S>, rays: Rays<'_>, g: usize) -> Exact<f32x16<S>> {
+    let [ox, oy, oz] = rays.origin.to_array();
+    let rays = Lined {
+        origin: [f32x16::splat(simd, ox), f32x16::splat(simd, oy), f32x16::splat(simd, oz)],
+        direction: [
+            lanes(simd, &rays.tile.direction[0], g),
+            lanes(simd, &rays.tile.direction[1], g),
+            lanes(simd, &rays.tile.direction[2], g),
         ],
-        u: f32x16::load_array_ref(simd, &work.u[g]) * sign,
-        v: f32x16::load_array_ref(simd, &work.v[g]) * sign,
-        scale,
-        t: (scale * sign) / iz,
-        t_min: f32x16::load_array_ref(simd, &rays.tile.t_min.as_chunks::<GROUP>().0[g]),
-        t_max: f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]),
+        t_min: lanes(simd, &rays.tile.t_min, g),
+        end: f32x16::from_bits(lanes(simd, &rays.tile.t_max, g).to_bits() - 1),
     };
-    let exact = settle::exact(simd, &gathered.corners, &projection);
-    let mut normal = exact.normal;
-    for (axis, n) in face.axes.into_iter().zip(exact.normal) {
-        normal[axis % 3] = n;
-    }
-    Words::new(simd, &exact, normal, gathered)
+    settle::exact(simd, gathered.corners, &rays)
+}
+
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, values: &[f32; Tile::CAPACITY], g: usize) -> f32x16<S> {
+    f32x16::load_array_ref(simd, &values.as_chunks::<GROUP>().0[g])
 }

@@ -12,16 +12,16 @@ use crate::{
         single,
     },
     ray::{Hit, PathId},
-    traverse::finish,
+    traverse::{
+        local::{LocalRay, before},
+        settle,
+    },
 };
 
 const _: () = assert!(LANES == GROUP);
 
 /// Fewer rays than this with the same signs are traced singly.
 const FEW_RAYS: u32 = 3;
-
-/// What a ray found: distance, and index in the tree's store or [`Packet::NONE`].
-type Found = (f32, u32);
 
 /// Answers all of `rays` against `tree` and tells `work` what they found, for the instances to come.
 #[inline(always)]
@@ -39,7 +39,7 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
         let mut any = false;
         for (lane, found) in found.into_iter().enumerate() {
             let i = g * GROUP + lane;
-            if found.1 == Packet::<S>::NONE || i >= rays.len {
+            if found == Packet::<S>::NONE || i >= rays.len {
                 continue;
             }
             any = true;
@@ -47,9 +47,8 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
                 answers.set(rays.slot[i]);
                 work.iz[g][lane] = f32::INFINITY;
             } else {
-                let hit = finished(tree, path, rays, i, found);
-                answers.put(rays.slot[i], hit);
-                work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
+                let t = answers.merge(rays.slot[i], finished(simd, tree, path, rays.ray(i), found));
+                work.settle(rays, i, t);
             }
         }
         if any {
@@ -60,13 +59,12 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
 }
 
 #[inline(always)]
-fn finished(tree: &KdTree, path: PathId, rays: Rays<'_>, i: usize, (t, index): Found) -> Hit {
-    let exact = finish::exact(&rays.ray(i), tree.corners()[index as usize], t, rays.tile.t_max[i]);
+fn finished<S: Simd>(simd: S, tree: &KdTree, path: PathId, ray: LocalRay, index: u32) -> Hit {
     let (geometry, primitive) = tree.identify(index).unwrap_or_default();
-    Hit { t: exact.t, u: exact.u, v: exact.v, ng: exact.normal, geometry, primitive, path }
+    Hit { geometry, primitive, path, ..settle::one(simd, &ray, tree.corners()[index as usize]) }
 }
 
-/// What the rays of group `g` found.
+/// What the rays of group `g` found: indices in the tree's store, or [`Packet::NONE`].
 #[inline(always)]
 fn group<S: Simd, const ANY: bool>(
     simd: S,
@@ -75,7 +73,7 @@ fn group<S: Simd, const ANY: bool>(
     work: &Work,
     g: usize,
     waiting: &mut Vec<Waiting>,
-) -> [Found; LANES] {
+) -> [u32; LANES] {
     let used = ((1_u32 << (rays.len - g * GROUP).min(GROUP)) - 1) as u16;
     let mut packet = packet(simd, tree, rays, work, g, used);
     let negative = packet.negative();
@@ -97,18 +95,14 @@ fn group<S: Simd, const ANY: bool>(
             packet.trace::<ANY>(tree, same, signs, waiting);
         }
     }
-    let (t, index) = (packet.limit.to_array(), packet.index.to_array());
-    let mut found = [(0.0, Packet::<S>::NONE); LANES];
-    for lane in 0..LANES {
-        found[lane] = (t[lane], index[lane]);
-    }
+    let mut found = packet.index.to_array();
     while alone != 0 {
         let lane = (alone.trailing_zeros() & 15) as usize;
         alone &= alone - 1;
         let ray = rays.ray(g * GROUP + lane);
-        let t_max = rays.tile.t_max[g * GROUP + lane];
-        if let Some(best) = single::trace::<ANY>(tree, ray.origin, ray.direction, ray.t_min, t_max) {
-            found[lane] = (best.t, best.index);
+        let limit = before(rays.limit[g * GROUP + lane]);
+        if let Some(best) = single::trace::<ANY>(tree, ray.origin, ray.direction, ray.t_min, limit) {
+            found[lane] = best;
         }
     }
     found
@@ -126,7 +120,9 @@ fn packet<S: Simd>(simd: S, tree: &KdTree, rays: Rays<'_>, work: &Work, g: usize
         let own = lanes_of(simd, &rays.tile.direction[axis], g);
         *direction = lanes.select(own, f32x16::splat(simd, first[axis]));
     }
-    let interval = [lanes_of(simd, &rays.tile.t_min, g), lanes_of(simd, &rays.tile.t_max, g)];
+    // Limits count for the packet, and not for the rays.
+    let before = f32x16::from_bits(lanes_of(simd, rays.limit, g).to_bits() - 1);
+    let interval = [lanes_of(simd, &rays.tile.t_min, g), before];
     Packet::new(simd, tree, origin, direction, interval, work.face.axes)
 }
 

@@ -5,7 +5,7 @@
 //! `e = r · ((b + c) × (c − b))`, which keeps their error near that of the vertices even for small far triangles.
 //! Each gets its own rounding error added, so a ray that is inside is never lost; where two triangles meet they
 //! overlap by that error. Depth comes from the plane, not from the sum of the edge functions, which cancels.
-use fearless_simd::{f32x8, f32x16, prelude::*};
+use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
 
 use super::{
     walk::{BoxRange, Frame, meet},
@@ -14,6 +14,10 @@ use super::{
 use crate::{
     compact::Blocks,
     layout::{Block, WIDTH},
+    traverse::{
+        local::REACH,
+        single::{self, Best},
+    },
 };
 
 /// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
@@ -227,14 +231,14 @@ fn groups_outside<S: Simd, const ANY: bool>(
         rest &= rest - 1;
         let rays = leaf.rays[g];
         let hit = if rays.count_ones() <= 2 {
-            each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+            each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
         } else {
             let rect = [work.u0[g], work.u1[g], work.v0[g], work.v1[g]];
             let bits = setup.meeting(simd, rect, work.reach[g], bits);
             if rays.count_ones() <= bits.count_ones() {
-                each_ray::<S, ANY>(simd, work, setup, g, rays, bits, block)
+                each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
-                each_triangle::<S, ANY>(simd, work, setup, g, bits, block)
+                each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -261,7 +265,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY>(simd, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -274,7 +278,7 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
     let (u, v) = (&work.u[g], &work.v[g]);
     let met = meet(simd, range, slack, [u, u], [v, v]);
     let iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let nearer = (iz * range.near).simd_le(f32x16::splat(simd, 1.0 + 8.0 * f32::EPSILON));
+    let nearer = (iz * range.near).simd_le(f32x16::splat(simd, REACH));
     (met & nearer).to_bitmask() as u16
 }
 
@@ -282,54 +286,81 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
 #[inline(always)]
 fn each_triangle<S: Simd, const ANY: bool>(
     simd: S,
+    blocks: Blocks<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
     bits: u32,
     block: usize,
 ) -> bool {
-    let u = f32x16::load_array_ref(simd, &work.u[g]);
-    let v = f32x16::load_array_ref(simd, &work.v[g]);
-    let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
-    let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
-    let mut id = fearless_simd::u32x16::load_array_ref(simd, &work.id[g]);
-    let zero = f32x16::splat(simd, 0.0);
-    let mut any = mask16(simd, 0);
+    let mut changed = false;
     let mut rest = bits;
+    // Left for a tie, and begun anew behind it: a call inside would cost the loop its registers.
     while rest != 0 {
-        let lane = (rest.trailing_zeros() & 7) as usize;
-        rest &= rest - 1;
-        let e0 = plane(simd, &setup.edge[0], lane, u, v);
-        let e1 = plane(simd, &setup.edge[1], lane, u, v);
-        let e2 = plane(simd, &setup.edge[2], lane, u, v);
-        let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
-        let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
-        let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
-        let hit = e0.min(e1).min(e2).simd_ge(zero) & z.simd_gt(iz) & z.simd_lt(start);
-        any |= hit;
-        if ANY {
-            iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
-        } else {
-            iz = hit.select(z, iz);
+        let u = f32x16::load_array_ref(simd, &work.u[g]);
+        let v = f32x16::load_array_ref(simd, &work.v[g]);
+        let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
+        let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
+        let mut id = u32x16::load_array_ref(simd, &work.id[g]);
+        let zero = f32x16::splat(simd, 0.0);
+        let mut any = mask16(simd, 0);
+        let (mut tied, mut number) = (0, 0);
+        while rest != 0 && tied == 0 {
+            let lane = (rest.trailing_zeros() & 7) as usize;
+            rest &= rest - 1;
+            let e0 = plane(simd, &setup.edge[0], lane, u, v);
+            let e1 = plane(simd, &setup.edge[1], lane, u, v);
+            let e2 = plane(simd, &setup.edge[2], lane, u, v);
+            let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
+            let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
+            let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
+            let inside = e0.min(e1).min(e2).simd_ge(zero) & z.simd_lt(start);
+            let hit = inside & z.simd_gt(iz);
+            number = (block * WIDTH + lane) as u32;
+            any |= hit;
+            if ANY {
+                iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
+            } else {
+                tied = (inside & z.simd_eq(iz)).to_bitmask() as u16;
+                iz = hit.select(z, iz);
+            }
+            id = hit.select(u32x16::splat(simd, number), id);
         }
-        id = hit.select(fearless_simd::u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
+        if any.to_bitmask() != 0 {
+            work.iz[g] = iz.into();
+            work.id[g] = id.into();
+            changed = true;
+        }
+        if tied != 0 {
+            choose(blocks, &mut work.id[g], tied, number);
+        }
     }
-    if any.to_bitmask() == 0 {
-        return false;
+    changed
+}
+
+/// Gives triangle `number` to those lanes in `tied`, where it is as near as what they have, that keep it. (What has
+/// nothing at that depth ends there.)
+#[cold]
+#[inline(never)]
+fn choose(blocks: Blocks<'_>, ids: &mut [u32; GROUP], tied: u16, number: u32) {
+    let mut rest = single::yielding(blocks, ids, tied, number);
+    while rest != 0 {
+        let id = &mut ids[(rest.trailing_zeros() & 15) as usize];
+        rest &= rest - 1;
+        if *id != Work::NONE {
+            *id = number;
+        }
     }
-    work.iz[g] = iz.into();
-    work.id[g] = id.into();
-    true
 }
 
 /// 8 triangles in lanes, one ray after the other: for the few rays of a scattered group.
 #[inline(always)]
 fn each_ray<S: Simd, const ANY: bool>(
     simd: S,
+    leaf: &Leaf<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
-    rays: u16,
     bits: u32,
     block: usize,
 ) -> bool {
@@ -339,7 +370,7 @@ fn each_ray<S: Simd, const ANY: bool>(
     let nearest = f32x8::load_array_ref(simd, &setup.depth_range[1]);
     let zero = f32x8::splat(simd, 0.0);
     let mut any = false;
-    let mut rest = rays;
+    let mut rest = leaf.rays[g];
     while rest != 0 {
         let r = (rest.trailing_zeros() & 15) as usize;
         rest &= rest - 1;
@@ -348,15 +379,16 @@ fn each_ray<S: Simd, const ANY: bool>(
         let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
         let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
         let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2])).max(farthest).min(nearest);
-        let hit = e0.min(e1).min(e2).simd_ge(zero)
-            & z.simd_gt(f32x8::splat(simd, work.iz[g][r]))
-            & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
+        let so_far = f32x8::splat(simd, work.iz[g][r]);
+        let nearer = if ANY { z.simd_gt(so_far) } else { z.simd_ge(so_far) };
+        let hit =
+            e0.min(e1).min(e2).simd_ge(zero) & nearer & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
         let mut hits = hit.to_bitmask() as u32 & bits;
         if hits == 0 {
             continue;
         }
-        any = true;
         if ANY {
+            any = true;
             work.iz[g][r] = f32::INFINITY;
             work.id[g][r] = 0;
             continue;
@@ -365,13 +397,22 @@ fn each_ray<S: Simd, const ANY: bool>(
         while hits != 0 {
             let lane = (hits.trailing_zeros() & 7) as usize;
             hits &= hits - 1;
-            if z[lane] > work.iz[g][r] {
+            let (id, so_far) = ((block * WIDTH + lane) as u32, work.iz[g][r]);
+            if z[lane] > so_far || (z[lane] == so_far && yields(leaf.blocks, work.id[g][r], id)) {
+                any = true;
                 work.iz[g][r] = z[lane];
-                work.id[g][r] = (block * WIDTH + lane) as u32;
+                work.id[g][r] = id;
             }
         }
     }
     any
+}
+
+/// Whether triangle `id` is to be kept instead of one at the same depth; instead of none it is not, as that depth is then
+/// the ray's end.
+#[cold]
+fn yields(blocks: Blocks<'_>, before: u32, id: u32) -> bool {
+    before != Work::NONE && Best { t: 0.0, id: before }.yields_to(id, blocks)
 }
 
 /// A linear function of (u, v) with the coefficients of one lane.

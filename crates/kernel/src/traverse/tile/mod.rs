@@ -72,19 +72,37 @@ impl Answers<'_> {
         self.below[word] |= bit;
     }
 
-    /// Writes a hit that is nearer than what the slot has.
+    /// Writes the first hit of a slot.
     #[inline(always)]
     fn put(&mut self, slot: u8, hit: Hit) {
         if let Some(to) = self.hits.get_mut(usize::from(slot)) {
             *to = hit;
+            self.set(slot);
         }
-        self.set(slot);
     }
 
-    /// How far a slot still looks: to its hit, or to the ray's end.
+    /// Writes a hit if it precedes what the slot has; the distance of what it has then.
     #[inline(always)]
-    fn limit(&self, slot: u8, t_max: f32) -> f32 {
-        if has(&self.found, slot) { self.hits[usize::from(slot)].t } else { t_max }
+    fn merge(&mut self, slot: u8, hit: Hit) -> f32 {
+        if has(&self.found, slot)
+            && let Some(before) = self.hits.get(usize::from(slot))
+            && !hit.precedes(before)
+        {
+            return before.t;
+        }
+        self.put(slot, hit);
+        hit.t
+    }
+
+    /// What a slot has, to be changed by those who tell [`Answers::set`].
+    #[inline(always)]
+    fn of(&mut self, slot: u8) -> &mut Hit {
+        let known = has(&self.found, slot);
+        let hit = &mut self.hits[usize::from(slot)];
+        if !known {
+            *hit = Hit::MISS;
+        }
+        hit
     }
 }
 
@@ -190,16 +208,16 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &
 /// The rays that can hit something: mostly all of them, else copied to `some`.
 #[inline(always)]
 fn usable<'a, S: Simd>(simd: S, some: &'a mut LevelRays, tile: &'a Tile, len: usize) -> Rays<'a> {
+    let all = Rays { origin: tile.origin, tile, limit: &tile.t_max, slot: &IDENTITY, len };
     let in_range = LocalRay::origin_in_range(tile.origin.into());
     if in_range && work::all_usable(simd, tile, len) {
-        return Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
+        return all;
     }
     some.tile.restart(tile.origin);
     for i in 0..len {
-        let all = Rays { origin: tile.origin, tile, slot: &IDENTITY, len };
         let ray = LocalRay { t_min: tile.t_min[i].max(0.0), ..all.ray(i) };
         if ray.in_range() && !tile.t_min[i].is_nan() && ray.t_min < tile.t_max[i] {
-            some.push(ray.direction, ray.t_min, tile.t_max[i], i as u8);
+            some.push(ray.direction, [ray.t_min, tile.t_max[i], tile.t_max[i]], i as u8);
         }
     }
     some.rays()
@@ -251,7 +269,8 @@ fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRay
         let direction = rays.direction(i);
         if has(waiting, i as u8) && face.takes(direction) {
             waiting[(i / 64) & 3] &= !(1 << (i % 64));
-            chosen.push(direction, rays.tile.t_min[i], rays.tile.t_max[i], rays.slot[i]);
+            let interval = [rays.tile.t_min[i], rays.tile.t_max[i], rays.limit[i]];
+            chosen.push(direction, interval, rays.slot[i]);
         }
     }
 }
@@ -270,12 +289,9 @@ fn few<S: Simd, const ANY: bool>(
         let ray = rays.ray(i);
         let slot = rays.slot[i];
         let found = if ANY {
-            batch::any_local(simd, object, &ray, rays.tile.t_max[i], &mut scratch.single)
+            batch::any_local(simd, object, &ray, &mut scratch.single)
         } else {
-            let t = answers.limit(slot, rays.tile.t_max[i]);
-            let hit = &mut answers.hits[usize::from(slot)];
-            hit.t = t;
-            batch::closest_local(simd, object, &ray, path, hit, &mut scratch.single)
+            batch::closest_local(simd, object, &ray, path, answers.of(slot), &mut scratch.single)
         };
         if found {
             answers.set(slot);
@@ -302,10 +318,10 @@ fn one_face<S: Simd, const ANY: bool>(
         return few::<S, ANY>(simd, object, path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
-    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, work, answers, scratch);
+    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, false, work, answers, scratch);
 }
 
-/// Answers the groups in `mask` of projected rays in `object`.
+/// Answers the groups in `mask` of projected rays in `object`. `shared`: others will use `work` after it.
 #[expect(
     clippy::too_many_arguments,
     reason = "the rays, what they meet and where the answers go; a struct would only rename them"
@@ -317,6 +333,7 @@ fn in_object<S: Simd, const ANY: bool>(
     path: PathId,
     rays: Rays<'_>,
     mask: u16,
+    shared: bool,
     work: &mut Work,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
@@ -327,7 +344,8 @@ fn in_object<S: Simd, const ANY: bool>(
             if ANY {
                 collect::occluded(simd, rays, mask, work, answers);
             } else {
-                collect::hits(simd, bvh, path, rays, mask, work, answers);
+                let more = shared || object.quadrics.is_some() || !object.instance_tree.wide.is_empty();
+                collect::hits(simd, bvh, path, rays, mask, work, answers, more);
             }
         }
         // It looks at all groups, and as far as the rays go.
@@ -363,21 +381,18 @@ fn quadrics<S: Simd, const ANY: bool>(
         if mask >> g & 1 == 0 {
             continue;
         }
-        let (ray, t_max) = (rays.ray(i), rays.tile.t_max[i]);
+        let ray = rays.ray(i);
         // What was found is also a limit for what the groups meet next.
         if ANY {
-            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, t_max, stack) {
+            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, stack) {
                 answers.set(slot);
                 work.iz[g][lane] = f32::INFINITY;
                 work.update_reach(simd, g);
             }
-        } else {
-            let mut hit = Hit { t: answers.limit(slot, t_max), ..Hit::MISS };
-            if super::quadrics::closest(simd, shapes, &ray, path, &mut hit, stack) {
-                answers.put(slot, hit);
-                work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
-                work.update_reach(simd, g);
-            }
+        } else if super::quadrics::closest(simd, shapes, &ray, path, answers.of(slot), stack) {
+            answers.set(slot);
+            work.settle(rays, i, answers.of(slot).t);
+            work.update_reach(simd, g);
         }
     }
     work.update_far(simd);

@@ -99,7 +99,7 @@ fn enter_moved<S: Simd, const ANY: bool>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || in_object::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch),
+        || in_object::<S, ANY>(simd, object, path, rays, mask, true, work, answers, scratch),
     );
 }
 
@@ -126,14 +126,15 @@ fn descend<S: Simd, const ANY: bool>(
         rest &= rest - 1;
         let ([x, y, z], usable) = rays.mapped(simd, map, g);
         let start = f32x16::load_array_ref(simd, &rays.tile.t_min.as_chunks::<GROUP>().0[g]);
-        let mut end = f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]);
+        let end = f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]);
+        let mut limit = end;
         if !ANY {
             let per_length =
                 f32x16::load_array_ref(simd, &work.iz[g]) * f32x16::load_array_ref(simd, &work.scale[g]);
-            end = (f32x16::splat(simd, LIMIT_SLACK) / per_length).min(end);
+            limit = (f32x16::splat(simd, LIMIT_SLACK) / per_length).min(end);
         }
-        let bits = wanted[g] & (usable & start.simd_lt(end)).to_bitmask() as u16;
-        let lanes = [x.into(), y.into(), z.into(), start.into(), end.into()];
+        let bits = wanted[g] & (usable & start.simd_lt(limit)).to_bitmask() as u16;
+        let lanes = [x.into(), y.into(), z.into(), start.into(), end.into(), limit.into()];
         below.push_group(&lanes, &rays.slot[g * GROUP..(g + 1) * GROUP], bits);
     }
     !below.tile.is_empty()
@@ -196,7 +197,8 @@ fn merge<S: Simd, const ANY: bool>(
             } else {
                 let hit = &mut answers.hits[usize::from(slot)];
                 hit.ng = instances::carry_normal(&placed.normal_from_object, hit.ng);
-                work.iz[g][lane] = 1.0 / (hit.t * work.scale[g][lane]);
+                let t = hit.t;
+                work.settle(rays, g * GROUP + lane, t);
             }
         }
         if changed {

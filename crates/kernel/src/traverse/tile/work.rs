@@ -5,14 +5,15 @@
 use fearless_simd::{f32x16, mask32x16, prelude::*};
 use glam::{Affine3A, Vec3, Vec3A};
 
-use crate::{tile::Tile, traverse::local::LocalRay};
+use crate::{
+    tile::Tile,
+    traverse::local::{LocalRay, REACH, before},
+};
 
 /// Rays per group, and groups per tile.
 pub(super) const GROUP: usize = 16;
 /// A ray belongs to a face if its k component is at least this fraction of the others, so |u|, |v| ≤ 4.
 const FACE_FRACTION: f32 = 0.25;
-/// Groups reach farther by this factor than their rays' limits say, for the rounding of the reciprocals.
-const REACH_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 /// One value per ray of a tile, by group and lane.
 pub(super) type PerRay<T> = [[T; GROUP]; GROUP];
@@ -23,6 +24,8 @@ pub(super) struct Rays<'a> {
     /// Common origin; that of the tile counts for nothing.
     pub origin: Vec3,
     pub tile: &'a Tile,
+    /// How far each looks, given what it met before.
+    pub limit: &'a [f32; Tile::CAPACITY],
     pub slot: &'a [u8; Tile::CAPACITY],
     pub len: usize,
 }
@@ -31,23 +34,28 @@ pub(super) struct Rays<'a> {
 #[repr(align(64))]
 pub(super) struct LevelRays {
     pub tile: Tile,
+    pub limit: [f32; Tile::CAPACITY],
     pub slot: [u8; Tile::CAPACITY],
 }
 
 impl LevelRays {
-    pub(super) const EMPTY: Self = Self { tile: Tile::new(Vec3::ZERO), slot: [0; Tile::CAPACITY] };
+    pub(super) const EMPTY: Self = {
+        let tile = Tile::new(Vec3::ZERO);
+        Self { tile, limit: [0.0; Tile::CAPACITY], slot: [0; Tile::CAPACITY] }
+    };
 
     #[inline(always)]
-    pub(super) fn push(&mut self, direction: Vec3A, t_min: f32, t_max: f32, slot: u8) {
+    pub(super) fn push(&mut self, direction: Vec3A, [t_min, t_max, limit]: [f32; 3], slot: u8) {
         if let Some(i) = self.tile.push_interval(direction.into(), t_min, t_max) {
+            self.limit[i & (Tile::CAPACITY - 1)] = limit;
             self.slot[i & (Tile::CAPACITY - 1)] = slot;
         }
     }
 
-    /// Adds the lanes in `bits` of a group: directions, starts and ends.
+    /// Adds the lanes in `bits` of a group: directions, starts, ends and limits.
     #[inline(always)]
-    pub(super) fn push_group(&mut self, lanes: &[[f32; GROUP]; 5], slots: &[u8], bits: u16) {
-        let [x, y, z, t_min, t_max] = lanes;
+    pub(super) fn push_group(&mut self, lanes: &[[f32; GROUP]; 6], slots: &[u8], bits: u16) {
+        let [x, y, z, t_min, t_max, limit] = lanes;
         let at = self.tile.len;
         if bits == u16::MAX && at + GROUP <= Tile::CAPACITY {
             for (to, from) in self.tile.direction.iter_mut().zip([x, y, z]) {
@@ -55,6 +63,7 @@ impl LevelRays {
             }
             self.tile.t_min[at..at + GROUP].copy_from_slice(t_min);
             self.tile.t_max[at..at + GROUP].copy_from_slice(t_max);
+            self.limit[at..at + GROUP].copy_from_slice(limit);
             self.slot[at..at + GROUP].copy_from_slice(slots);
             self.tile.len = at + GROUP;
             return;
@@ -63,13 +72,15 @@ impl LevelRays {
         while rest != 0 {
             let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
-            self.push(Vec3A::new(x[lane], y[lane], z[lane]), t_min[lane], t_max[lane], slots[lane]);
+            let interval = [t_min[lane], t_max[lane], limit[lane]];
+            self.push(Vec3A::new(x[lane], y[lane], z[lane]), interval, slots[lane]);
         }
     }
 
     #[inline(always)]
     pub(super) fn rays(&self) -> Rays<'_> {
-        Rays { origin: self.tile.origin, tile: &self.tile, slot: &self.slot, len: self.tile.len }
+        let Self { tile, limit, slot } = self;
+        Rays { origin: tile.origin, tile, limit, slot, len: tile.len }
     }
 }
 
@@ -109,7 +120,8 @@ impl Rays<'_> {
         Vec3A::new(x[i], y[i], z[i])
     }
 
-    /// The directions of group `g` after `map`, and those of its lanes that stay in the usable range.
+    /// The directions of group `g` after `map`, and those of its lanes that stay in the usable range. Operation by
+    /// operation [`LocalRay::transformed`].
     #[inline(always)]
     pub(super) fn mapped<S: Simd>(
         &self,
@@ -124,9 +136,9 @@ impl Rays<'_> {
         let columns = map.matrix3;
         let (x, y, z) = (columns.x_axis, columns.y_axis, columns.z_axis);
         let mapped = [
-            dx * x.x + (dy * y.x + dz * z.x),
-            dx * x.y + (dy * y.y + dz * z.y),
-            dx * x.z + (dy * y.z + dz * z.z),
+            (dx * x.x + dy * y.x) + dz * z.x,
+            (dx * x.y + dy * y.y) + dz * z.y,
+            (dx * x.z + dy * y.z) + dz * z.z,
         ];
         (mapped, directions_usable(simd, mapped))
     }
@@ -134,8 +146,8 @@ impl Rays<'_> {
     /// Ray `i` on its own.
     #[inline(always)]
     pub(super) fn ray(&self, i: usize) -> LocalRay {
-        let t_min = self.tile.t_min[i];
-        LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, time: 0.0 }
+        let (t_min, end) = (self.tile.t_min[i], before(self.tile.t_max[i]));
+        LocalRay { origin: self.origin.into(), direction: self.direction(i), t_min, end, time: 0.0 }
     }
 }
 
@@ -223,7 +235,7 @@ impl Work {
     pub(super) fn project<S: Simd>(&mut self, simd: S, rays: Rays<'_>, face: Face) {
         let [u, v, k] = face.axes.map(|axis| rays.tile.direction[axis % 3].as_chunks::<GROUP>().0);
         let t_min = rays.tile.t_min.as_chunks::<GROUP>().0;
-        let t_max = rays.tile.t_max.as_chunks::<GROUP>().0;
+        let limit = rays.limit.as_chunks::<GROUP>().0;
         let one = f32x16::splat(simd, 1.0);
         let infinity = f32x16::splat(simd, f32::INFINITY);
         self.face = face;
@@ -247,7 +259,7 @@ impl Work {
             let zero = f32x16::splat(simd, 0.0);
             self.u[g] = used.select(u, zero).into();
             self.v[g] = used.select(v, zero).into();
-            let end = one / (f32x16::load_array_ref(simd, &t_max[g]) * scale);
+            let end = one / (f32x16::load_array_ref(simd, &limit[g]) * scale);
             let start = one / (f32x16::load_array_ref(simd, &t_min[g]).max(zero) * scale);
             self.iz[g] = used.select(end, infinity).into();
             self.iz_start[g] = used.select(start, infinity).into();
@@ -268,7 +280,7 @@ impl Work {
     #[inline(always)]
     pub(super) fn update_reach<S: Simd>(&mut self, simd: S, g: usize) {
         let least = f32x16::load_array_ref(simd, &self.iz[g]).reduce_min();
-        self.reach[g] = if least < f32::INFINITY { REACH_SLACK / least } else { -1.0 };
+        self.reach[g] = if least < f32::INFINITY { REACH / least } else { -1.0 };
     }
 
     #[inline(always)]
@@ -281,6 +293,32 @@ impl Work {
     pub(super) fn reaching<S: Simd>(&self, simd: S, depth: f32) -> u16 {
         let reach = f32x16::load_array_ref(simd, &self.reach);
         reach.simd_ge(f32x16::splat(simd, depth)).to_bitmask() as u16
+    }
+
+    /// Makes what ray `i` met at `t`, in whatever object, the limit for what is still to come.
+    #[inline(always)]
+    pub(super) fn settle(&mut self, rays: Rays<'_>, i: usize, t: f32) {
+        let (g, lane) = (i / GROUP, i % GROUP);
+        let limit = (t * REACH).min(rays.tile.t_max[i]);
+        self.iz[g][lane] = 1.0 / (limit * self.scale[g][lane]);
+    }
+
+    /// As [`Work::settle`], for the lanes in `bits` of group `g`.
+    #[inline(always)]
+    pub(super) fn settle_group<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: Rays<'_>,
+        g: usize,
+        bits: u16,
+        t: &[f32; GROUP],
+    ) {
+        let end = f32x16::load_array_ref(simd, &rays.tile.t_max.as_chunks::<GROUP>().0[g]);
+        let limit = (f32x16::load_array_ref(simd, t) * REACH).min(end);
+        let iz = f32x16::splat(simd, 1.0) / (limit * f32x16::load_array_ref(simd, &self.scale[g]));
+        let before = f32x16::load_array_ref(simd, &self.iz[g]);
+        self.iz[g] = mask16(simd, bits).select(iz, before).into();
+        self.update_reach(simd, g);
     }
 
     /// The smallest rectangle around the groups in `mask`: (u0, u1, v0, v1).
