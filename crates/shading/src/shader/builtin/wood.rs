@@ -48,7 +48,13 @@ impl SurfaceShader for Wood {
                     "m",
                     "depth of the trunk's axis below the origin",
                 ),
-                Parameter::float("distortion", 0.5, [0.0, 10.0], "rings", "how far rings stray from circles"),
+                Parameter::float(
+                    "distortion",
+                    0.35,
+                    [0.0, 10.0],
+                    "rings",
+                    "how far rings stray from circles",
+                ),
                 Parameter::float("grain", 0.35, [0.0, 1.0], "", "contrast of the fibres"),
                 Parameter::float("pores", 0.5, [0.0, 1.0], "", "depth of colour of the pores"),
                 Parameter::float(
