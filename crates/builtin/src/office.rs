@@ -92,7 +92,7 @@ impl Palette {
         let oak = shaded("oak", plain(), oak);
         let walnut = shaded("walnut", plain(), walnut);
         let stone = shaded("green marble", plain(), slate);
-        let waves = ShaderUse::named("bump").with("height", 0.0035).with("size", 0.2).with("octaves", 1.5);
+        let waves = ShaderUse::named("bump").with("height", 0.0025).with("size", 0.2).with("octaves", 1.5);
         let wavy = shaded("wavy mirror", Material::metal("", Vec3::splat(0.92), 0.0), waves);
         let hammered = shaded(
             "hammered brass",

@@ -37,6 +37,7 @@ pub(super) fn parts() -> Body {
     for x in AXLES {
         for side in [1.0, -1.0] {
             trim.add(&arch_edge(x, side));
+            trim.add(&liner(x, side));
         }
     }
     // Bars before the mouth.
@@ -69,6 +70,15 @@ pub(super) fn parts() -> Body {
         head_lamps: both(&|side| lamp(-1.955, 0.60, side * 0.60, Vec3::new(0.10, 0.055, 0.19), side * 0.42)),
         tail_lamps: both(&|side| lamp(2.045, 0.70, side * 0.56, Vec3::new(0.05, 0.045, 0.25), side * -0.22)),
     }
+}
+
+/// The inside of the hollow above a wheel.
+fn liner(axle: f32, side: f32) -> Shape {
+    Shape::patch(64, 4, Vec2::ONE, |u, v| {
+        let p = Vec2::new(axle, RADIUS) + (ARCH - 0.016) * Vec2::from_angle(PI * (1.1 * u - 0.05));
+        let outside = Station::at(p.x).half_width(p.y) - 0.012;
+        Vec3::new(p.x, p.y, side * (0.54 + (outside - 0.54) * v))
+    })
 }
 
 fn smooth(low: f32, high: f32, x: f32) -> f32 {
