@@ -5,7 +5,9 @@ use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3};
-use heliostat_scene::{Camera, Edit, Environment, Material, MaterialId, SceneBuilder, ShaderUse};
+use heliostat_scene::{
+    Camera, Edit, Environment, Light, LightKind, Material, MaterialId, SceneBuilder, ShaderUse,
+};
 
 use crate::plant::{self, Habit, potted};
 use crate::shape::{Shape, place};
@@ -88,7 +90,7 @@ impl Palette {
         let brick = shaded("brick", plain(), ShaderUse::named("brick"));
         let floor = shaded("marble", plain(), ShaderUse::named("marble").with("size", 0.45));
         let oak =
-            ShaderUse::named("wood").with("ring_width", 0.02).with("pith", 0.13).with("roughness", 0.36);
+            ShaderUse::named("wood").with("ring_width", 0.014).with("pith", 0.11).with("distortion", 1.2);
         let oak = shaded("oak", plain(), oak);
         let walnut = shaded("walnut", plain(), walnut);
         let stone = shaded("green marble", plain(), slate);
@@ -127,7 +129,7 @@ impl Palette {
             glass,
             terracotta,
             enamel: builder.material(Material::plastic("enamel", Vec3::new(0.02, 0.12, 0.09), 0.2)),
-            bulb: builder.material(Material::emitter("bulb", Vec3::new(1.0, 0.72, 0.42) * 45.0)),
+            bulb: builder.material(Material::emitter("bulb", Vec3::new(1.0, 0.72, 0.42) * 6.0)),
             window: builder.material(Material::emitter("window", Vec3::new(0.82, 0.92, 1.0) * 7.0)),
             covers: [[0.32, 0.05, 0.04], [0.03, 0.10, 0.24], [0.45, 0.33, 0.10]].map(|c| cover(builder, c)),
             painting,
@@ -273,6 +275,16 @@ fn desk_lamp(builder: &mut SceneBuilder, palette: &Palette) {
     let shade = lathe(64, &shade).at(tilt);
     let inside = lathe(64, &inside).at(tilt);
     let bulb = sphere(Vec3::Y * -0.065, 0.036, 32).at(tilt);
+    // The light comes from below the bulb, so that balls of glass do not throw sparks.
+    let glow = LightKind::Spot {
+        position: foot + tilt.transform_point3(Vec3::Y * -0.11),
+        direction: tilt.transform_vector3(Vec3::NEG_Y),
+        intensity: Vec3::new(1.0, 0.72, 0.42) * 0.6,
+        inner_angle: 0.4,
+        outer_angle: 1.15,
+        range: f32::INFINITY,
+    };
+    builder.light(Light { name: "lamp".into(), kind: glow });
     put(
         builder,
         "lamp",

@@ -29,8 +29,8 @@ pub(crate) fn build() -> Vec<Edit> {
     builder.environment(sky::studio());
     let eye = Vec3::new(-2.6, 1.45, 5.9);
     builder.camera(Camera::look_at("front", eye, Vec3::new(0.15, 0.55, 0.0), Vec3::Y, 0.50));
-    let eye = Vec3::new(-2.9, 1.05, 2.6);
-    builder.camera(Camera::look_at("close", eye, Vec3::new(-1.1, 0.62, 1.0), Vec3::Y, 0.42));
+    let eye = Vec3::new(-1.6, 0.95, 3.3);
+    builder.camera(Camera::look_at("close", eye, Vec3::new(-0.95, 0.52, 1.6), Vec3::Y, 0.50));
     builder.finish()
 }
 
