@@ -47,7 +47,7 @@ impl SurfaceShader for Checker {
 fn wave<F: Real>(x: F, width: F) -> F {
     // Beyond ten thousand cells the mean is zero.
     let width = width.clamp(1e-4, 1e4);
-    (integral(x + width * 0.5) - integral(x - width * 0.5)) / width
+    ((integral(x + width * 0.5) - integral(x - width * 0.5)) / width).clamp(-1.0, 1.0)
 }
 
 /// Its integral from 0: a triangle wave between 0 and 1.
