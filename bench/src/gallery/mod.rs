@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "docs")]
     docs: PathBuf,
     /// Samples per pixel
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 64)]
     spp: u32,
     /// Render these shaders alone; all by default
     names: Vec<String>,
@@ -97,7 +97,11 @@ fn picture(name: &str, spp: u32) -> Result<Vec<u8>, String> {
     let (material, diameter, shader) = exhibit(name);
     let shaded = Material { shader: Some(Arc::new(shader)), ..material.clone() };
     // Levels show where mirrors see them: on the floor around.
-    let (on_stand, on_floor) = if name == "show-level" { (material, Some(shaded)) } else { (shaded, None) };
+    let (on_stand, on_floor) = match name {
+        "show-level" => (material, Some(shaded)),
+        _ if name.starts_with("show-") => (shaded.clone(), Some(shaded)),
+        _ => (shaded, None),
+    };
     let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
     engine.apply(&stand(&on_stand, on_floor, diameter), &progress).map_err(|error| error.to_string())?;
     let camera = engine.scene().cameras().values().next().ok_or("the stand has no camera")?.clone();

@@ -45,7 +45,7 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
         ),
         (
             "carpaint",
-            "a car in a studio: flakes and flip-flop colour under a clear coat; a second one in bronze",
+            "a car in a studio: flakes and flip-flop colour under a clear coat; a second one in petrol",
         ),
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),

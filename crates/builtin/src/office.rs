@@ -5,7 +5,9 @@ use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3};
-use heliostat_scene::{Camera, Edit, Environment, Material, MaterialId, SceneBuilder, ShaderUse};
+use heliostat_scene::{
+    Camera, Edit, Environment, Light, LightKind, Material, MaterialId, SceneBuilder, ShaderUse,
+};
 
 use crate::plant::{self, Habit, potted};
 use crate::shape::{Shape, place};
@@ -21,6 +23,7 @@ pub(crate) fn build() -> Vec<Edit> {
     let mut builder = SceneBuilder::new();
     let palette = Palette::new(&mut builder);
     room(&mut builder, &palette);
+    opposite(&mut builder, &palette);
     desk(&mut builder, &palette);
     mirror(&mut builder, &palette);
     desk_lamp(&mut builder, &palette);
@@ -64,6 +67,7 @@ struct Palette {
     terracotta: MaterialId,
     covers: [MaterialId; 3],
     paper: MaterialId,
+    painting: MaterialId,
 }
 
 impl Palette {
@@ -86,11 +90,11 @@ impl Palette {
         let brick = shaded("brick", plain(), ShaderUse::named("brick"));
         let floor = shaded("marble", plain(), ShaderUse::named("marble").with("size", 0.45));
         let oak =
-            ShaderUse::named("wood").with("ring_width", 0.02).with("pith", 0.13).with("roughness", 0.36);
+            ShaderUse::named("wood").with("ring_width", 0.014).with("pith", 0.11).with("distortion", 1.2);
         let oak = shaded("oak", plain(), oak);
         let walnut = shaded("walnut", plain(), walnut);
         let stone = shaded("green marble", plain(), slate);
-        let waves = ShaderUse::named("bump").with("height", 0.004).with("size", 0.16).with("octaves", 1.5);
+        let waves = ShaderUse::named("bump").with("height", 0.0025).with("size", 0.2).with("octaves", 1.5);
         let wavy = shaded("wavy mirror", Material::metal("", Vec3::splat(0.92), 0.0), waves);
         let hammered = shaded(
             "hammered brass",
@@ -104,6 +108,11 @@ impl Palette {
         let terracotta = shaded("terracotta", clay, peel);
         let rough = ShaderUse::named("bump").with("height", 0.0015).with("size", 0.05).with("octaves", 6.0);
         let plaster = shaded("plaster", Material::diffuse("", Vec3::new(0.62, 0.59, 0.53)), rough);
+        let sunset = ShaderUse::named("clouds")
+            .with("sky", Vec3::new(0.62, 0.17, 0.06))
+            .with("cloud", Vec3::new(0.10, 0.12, 0.28))
+            .with("size", 0.5);
+        let painting = shaded("painting", plain(), sunset);
         let cover = |builder: &mut SceneBuilder, color: [f32; 3]| {
             builder.material(Material::plastic("cover", color.into(), 0.55))
         };
@@ -120,9 +129,10 @@ impl Palette {
             glass,
             terracotta,
             enamel: builder.material(Material::plastic("enamel", Vec3::new(0.02, 0.12, 0.09), 0.2)),
-            bulb: builder.material(Material::emitter("bulb", Vec3::new(1.0, 0.72, 0.42) * 90.0)),
+            bulb: builder.material(Material::emitter("bulb", Vec3::new(1.0, 0.72, 0.42) * 6.0)),
             window: builder.material(Material::emitter("window", Vec3::new(0.82, 0.92, 1.0) * 7.0)),
             covers: [[0.32, 0.05, 0.04], [0.03, 0.10, 0.24], [0.45, 0.33, 0.10]].map(|c| cover(builder, c)),
+            painting,
             paper: builder.material(Material::diffuse("paper", Vec3::new(0.75, 0.71, 0.62))),
         }
     }
@@ -163,6 +173,32 @@ fn room(builder: &mut SceneBuilder, palette: &Palette) {
             (light, palette.window),
         ],
     );
+}
+
+/// What the mirror sees: the wall behind the viewer with a door and a painting.
+fn opposite(builder: &mut SceneBuilder, palette: &Palette) {
+    let wall = Shape::quad(Vec3::new(3.2, 0.0, 4.0), Vec3::NEG_X * 5.4, Vec3::Y * 2.9);
+    let slab =
+        |x: f32, y: f32, size: Vec3| Shape::rounded_block(size, 0.012, 3, 1).moved(Vec3::new(x, y, 3.98));
+    let door = Shape::union([
+        slab(-1.2, 1.03, Vec3::new(0.92, 2.06, 0.06)),
+        slab(-1.2, 0.55, Vec3::new(0.62, 0.70, 0.10)),
+        slab(-1.2, 1.48, Vec3::new(0.62, 0.80, 0.10)),
+    ]);
+    let painting = slab(0.75, 1.62, Vec3::new(1.5, 1.0, 0.06));
+    let frame = Shape::union([
+        slab(0.75, 2.14, Vec3::new(1.6, 0.05, 0.09)),
+        slab(0.75, 1.10, Vec3::new(1.6, 0.05, 0.09)),
+        slab(-0.025, 1.62, Vec3::new(0.05, 1.09, 0.09)),
+        slab(1.525, 1.62, Vec3::new(0.05, 1.09, 0.09)),
+    ]);
+    let parts = [
+        (wall, palette.plaster),
+        (door, palette.walnut),
+        (painting, palette.painting),
+        (frame, palette.hammered),
+    ];
+    put(builder, "opposite", Vec3::ZERO, parts);
 }
 
 /// An object of shapes with their materials, placed unturned.
@@ -238,7 +274,17 @@ fn desk_lamp(builder: &mut SceneBuilder, palette: &Palette) {
         Affine3A::from_translation(head) * Affine3A::from_rotation_z(0.35) * Affine3A::from_rotation_x(-0.25);
     let shade = lathe(64, &shade).at(tilt);
     let inside = lathe(64, &inside).at(tilt);
-    let bulb = sphere(Vec3::Y * -0.065, 0.03, 32).at(tilt);
+    let bulb = sphere(Vec3::Y * -0.065, 0.036, 32).at(tilt);
+    // The light comes from below the bulb, so that balls of glass do not throw sparks.
+    let glow = LightKind::Spot {
+        position: foot + tilt.transform_point3(Vec3::Y * -0.11),
+        direction: tilt.transform_vector3(Vec3::NEG_Y),
+        intensity: Vec3::new(1.0, 0.72, 0.42) * 0.6,
+        inner_angle: 0.4,
+        outer_angle: 1.15,
+        range: f32::INFINITY,
+    };
+    builder.light(Light { name: "lamp".into(), kind: glow });
     put(
         builder,
         "lamp",

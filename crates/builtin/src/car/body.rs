@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec2, Vec3};
 
 use super::wheel::RADIUS;
 use crate::shape::Shape;
-use crate::solid::{cap, loft, sphere, superellipse, torus, tube};
+use crate::solid::{loft, sphere, superellipse, tube};
 
 /// Half of the length and of the width, metres. The front is at −x.
 const HALF_LENGTH: f32 = 2.15;
@@ -16,6 +16,9 @@ pub(super) const AXLES: [f32; 2] = [-1.32, 1.30];
 pub(super) const TRACK: f32 = 0.755;
 /// Of the hollows around the wheels.
 const ARCH: f32 = 0.385;
+/// Exponents of a section's height and width over sine and cosine: small ones are boxes.
+const TALL: f32 = 0.5;
+const WIDE: f32 = 0.36;
 /// Height at which the cabin begins, sunk into the body.
 const WAIST: f32 = 0.80;
 
@@ -33,17 +36,17 @@ pub(super) fn parts() -> Body {
     let mut trim = Shape::default();
     for x in AXLES {
         for side in [1.0, -1.0] {
-            let edge = torus(Vec3::ZERO, ARCH + 0.004, 0.016, [96, 12]);
-            let upright = Affine3A::from_rotation_x(0.5 * PI);
-            let place = Affine3A::from_translation(Vec3::new(x, RADIUS, side * (arch_depth(x) - 0.008)));
-            trim.add(&edge.at(place * upright));
+            trim.add(&arch_edge(x, side));
+            trim.add(&liner(x, side));
         }
     }
-    // The mouth below the front, and the same at the back.
-    for (x, y, size) in [(-2.085, 0.40, Vec3::new(0.1, 0.13, 1.05)), (2.10, 0.34, Vec3::new(0.08, 0.10, 1.1))]
-    {
-        trim.add(&Shape::rounded_block(size, 0.04, 4, 1).moved(Vec3::new(x, y, 0.0)));
+    // Bars before the mouth.
+    for (y, reach) in [(0.34, 0.50), (0.385, 0.54), (0.43, 0.50)] {
+        let at = |i: i32| (front(y, reach * i as f32 / 12.0), 0.02);
+        trim.add(&tube(&(-12..=12).map(at).collect::<Vec<_>>(), 12, true));
     }
+    let bumper = Shape::rounded_block(Vec3::new(0.08, 0.10, 1.1), 0.035, 4, 1);
+    trim.add(&bumper.moved(Vec3::new(2.125, 0.34, 0.0)));
     let (windows, roof, pillars) = cabin();
     trim.add(&pillars);
     let lamp = |x: f32, y: f32, z: f32, size: Vec3, turn: f32| {
@@ -56,8 +59,8 @@ pub(super) fn parts() -> Body {
         Shape::rounded_block(Vec3::new(0.13, 0.11, 0.2), 0.05, 5, 1).moved(at)
     });
     let chrome = both(&|side| {
-        let z = side * (HALF_WIDTH + 0.004);
-        tube(&[(Vec3::new(0.10, 0.76, z), 0.011), (Vec3::new(0.28, 0.76, z), 0.011)], 12, true)
+        let at = |x: f32| Vec3::new(x, 0.70, side * (Station::at(x).half_width(0.70) + 0.006));
+        tube(&[(at(0.10), 0.011), (at(0.28), 0.011)], 12, true)
     });
     Body {
         painted: Shape::union([hull, roof, mirrors]),
@@ -67,6 +70,15 @@ pub(super) fn parts() -> Body {
         head_lamps: both(&|side| lamp(-1.955, 0.60, side * 0.60, Vec3::new(0.10, 0.055, 0.19), side * 0.42)),
         tail_lamps: both(&|side| lamp(2.045, 0.70, side * 0.56, Vec3::new(0.05, 0.045, 0.25), side * -0.22)),
     }
+}
+
+/// The inside of the hollow above a wheel.
+fn liner(axle: f32, side: f32) -> Shape {
+    Shape::patch(64, 4, Vec2::ONE, |u, v| {
+        let p = Vec2::new(axle, RADIUS) + (ARCH - 0.016) * Vec2::from_angle(PI * (1.1 * u - 0.05));
+        let outside = Station::at(p.x).half_width(p.y) - 0.012;
+        Vec3::new(p.x, p.y, side * (0.54 + (outside - 0.54) * v))
+    })
 }
 
 fn smooth(low: f32, high: f32, x: f32) -> f32 {
@@ -79,30 +91,81 @@ fn power(x: f32, exponent: f32) -> f32 {
     x.abs().powf(exponent).copysign(x)
 }
 
-/// Half the width where the wheels are, at their height.
-fn arch_depth(x: f32) -> f32 {
-    HALF_WIDTH * (1.0 - (x / HALF_LENGTH).abs().powf(5.0)).max(0.0).powf(0.2)
+/// The body's outline across its length at a place along it, without the hollows for the wheels.
+struct Station {
+    x: f32,
+    bottom: f32,
+    top: f32,
+    /// 1 where the body is fullest, 0 at both ends.
+    end: f32,
+}
+
+impl Station {
+    /// `x` within the body.
+    fn at(x: f32) -> Self {
+        // Along the length as along a superellipse of exponent 5, so that both ends are round.
+        let end = (1.0 - (x / HALF_LENGTH).abs().powf(5.0)).max(0.0).powf(0.2);
+        let bonnet = 0.66 + 0.20 * smooth(-2.1, -0.75, x);
+        let top = bonnet + 0.05 * smooth(0.3, 1.5, x) - 0.03 * smooth(1.7, 2.15, x);
+        Self { x, bottom: 0.19 + 0.09 * smooth(1.3, 2.1, x.abs()), top, end }
+    }
+
+    fn middle(&self) -> f32 {
+        0.5 * (self.top + self.bottom)
+    }
+
+    fn half_height(&self) -> f32 {
+        0.5 * (self.top - self.bottom) * self.end.powf(0.45)
+    }
+
+    /// Half the width at the shoulder's height: narrower above, with a hollow along the doors.
+    fn fullness(&self, y: f32) -> f32 {
+        let height = (y - self.bottom) / (self.top - self.bottom);
+        let doors = smooth(-1.1, -0.8, self.x) * (1.0 - smooth(0.8, 1.1, self.x));
+        let hollow = 0.022 * (-((height - 0.40) / 0.16).powi(2)).exp() * doors;
+        (HALF_WIDTH * (1.0 - 0.06 * smooth(0.62, 1.0, height)) - hollow) * self.end
+    }
+
+    /// A point by the angle around.
+    fn point(&self, angle: f32) -> Vec3 {
+        let (sin, cos) = angle.sin_cos();
+        let y = self.middle() + self.half_height() * power(sin, TALL);
+        Vec3::new(self.x, y, self.fullness(y) * power(cos, WIDE))
+    }
+
+    /// Half the width at a height.
+    fn half_width(&self, y: f32) -> f32 {
+        let sin =
+            ((y - self.middle()) / self.half_height().max(1e-6)).clamp(-1.0, 1.0).abs().powf(1.0 / TALL);
+        self.fullness(y) * (1.0 - sin * sin).max(0.0).powf(0.5 * WIDE)
+    }
 }
 
 /// A point of the body: u around, v from the front to the back.
 fn hull(u: f32, v: f32) -> Vec3 {
-    // Along the length as along a superellipse of exponent 5, so that both ends are round.
-    let (sin, cos) = (PI * v.clamp(0.0, 1.0)).sin_cos();
-    let x = -HALF_LENGTH * power(cos, 0.4);
-    let end = sin.max(0.0).powf(0.4);
-    let bonnet = 0.66 + 0.20 * smooth(-2.1, -0.75, x);
-    let top = bonnet + 0.05 * smooth(0.3, 1.5, x) - 0.03 * smooth(1.7, 2.15, x);
-    let bottom = 0.19 + 0.09 * smooth(1.3, 2.1, x.abs());
-    let (middle, half) = (0.5 * (top + bottom), 0.5 * (top - bottom));
-    let (sin, cos) = (-TAU * u).sin_cos();
-    let y = middle + half * power(sin, 0.55) * end.powf(0.45);
-    // Narrower above the shoulder, with a hollow along the doors.
-    let height = (y - bottom) / (top - bottom);
-    let doors = smooth(-1.1, -0.8, x) * (1.0 - smooth(0.8, 1.1, x));
-    let hollow = 0.022 * (-((height - 0.40) / 0.16).powi(2)).exp() * doors;
-    let width = HALF_WIDTH * (1.0 - 0.06 * smooth(0.62, 1.0, height)) - hollow;
-    let z = width * power(cos, 0.42) * end;
-    Vec3::new(x, y, arched(x, y, z))
+    let along = -HALF_LENGTH * power((PI * v.clamp(0.0, 1.0)).cos(), 0.4);
+    let p = Station::at(along).point(-TAU * u);
+    Vec3::new(p.x, p.y, arched(p.x, p.y, p.z))
+}
+
+/// Where the front is at a height and to a side.
+fn front(y: f32, z: f32) -> Vec3 {
+    let (mut outside, mut inside) = (-HALF_LENGTH, -1.0);
+    for _ in 0..24 {
+        let x = 0.5 * (outside + inside);
+        if Station::at(x).half_width(y) < z.abs() { outside = x } else { inside = x }
+    }
+    Vec3::new(inside, y, z)
+}
+
+/// The edge of the hollow around a wheel, on the body's surface.
+fn arch_edge(axle: f32, side: f32) -> Shape {
+    let points: Vec<(Vec3, f32)> = (0..=48)
+        .map(|i| PI * (1.16 * i as f32 / 48.0 - 0.08))
+        .map(|angle| Vec2::new(axle, RADIUS) + (ARCH + 0.004) * Vec2::from_angle(angle))
+        .map(|p| (Vec3::new(p.x, p.y, side * (Station::at(p.x).half_width(p.y) - 0.006)), 0.016))
+        .collect();
+    tube(&points, 12, true)
 }
 
 /// Moves the sides inwards around the wheels.
@@ -113,19 +176,33 @@ fn arched(x: f32, y: f32, z: f32) -> f32 {
     z + (inner - z) * inside
 }
 
+/// The cabin's plan: a superellipse.
+struct Plan {
+    half: Vec2,
+    exponent: f32,
+}
+
+const CABIN: Plan = Plan { half: Vec2::new(1.42, 0.765), exponent: 3.2 };
+
+impl Plan {
+    /// Half the width at a place along x.
+    fn width(&self, x: f32) -> f32 {
+        self.half.y * (1.0 - (x / self.half.x).abs().powf(self.exponent)).powf(1.0 / self.exponent)
+    }
+
+    /// The point (x, −z) of the outline, grown by `growth`, u around.
+    fn rim(&self, u: f32, growth: f32) -> Vec2 {
+        let d = Vec2::from_angle(TAU * u);
+        let p = d * (d.abs().powf(self.exponent).element_sum()).powf(-1.0 / self.exponent);
+        let gradient = p.signum() * p.abs().powf(self.exponent - 1.0) / self.half;
+        p * self.half + growth * gradient.normalize()
+    }
+}
+
 /// Windows, roof and pillars: a cabin that leans inwards all round, most at the front and the back.
 fn cabin() -> (Shape, Shape, Shape) {
-    let outline = superellipse(Vec2::new(1.42, 0.765), 3.2, 192);
+    let outline = superellipse(CABIN.half, CABIN.exponent, 192);
     let glass = [(0.02, -0.05), (0.0, 0.02), (-0.035, 0.14), (-0.085, 0.27), (-0.13, 0.36)];
-    let roof = [
-        (-0.13, 0.36),
-        (-0.155, 0.395),
-        (-0.20, 0.43),
-        (-0.28, 0.458),
-        (-0.40, 0.475),
-        (-0.55, 0.483),
-        (-0.7, 0.486),
-    ];
     let lean = |p: Vec3| {
         // The windscreen lies flatter than the rear window.
         let slope = if p.x < 0.0 { 1.25 } else { 0.95 };
@@ -134,12 +211,15 @@ fn cabin() -> (Shape, Shape, Shape) {
         Vec3::new(shortened + 0.42, p.y + WAIST, p.z)
     };
     let windows = loft(&outline, &glass).warped(lean);
-    let mut top = loft(&outline, &roof);
-    top.add(&cap(&outline, -0.7, 0.486, true));
+    let top = Shape::patch(192, 24, Vec2::new(4.0, 1.0), |u, v| {
+        let rim = CABIN.rim(u, -0.13);
+        let out = 1.0 - v;
+        Vec3::new(rim.x * out, 0.36 + 0.12 * (1.0 - out.powi(4)), -rim.y * out)
+    });
     let mut pillars = Shape::default();
     for (x, n) in [(-0.62, 1.0), (0.05, 1.0), (0.72, 1.0), (-0.62, -1.0), (0.05, -1.0), (0.72, -1.0)] {
         let at = |growth: f32, y: f32| {
-            let z = 0.765 * (1.0 - (x / 1.42_f32).abs().powf(3.2)).powf(1.0 / 3.2) + growth;
+            let z = CABIN.width(x) + growth;
             lean(Vec3::new(x, y, n * z))
         };
         let points: Vec<(Vec3, f32)> = glass.iter().map(|&(growth, y)| (at(growth, y), 0.018)).collect();

@@ -16,21 +16,21 @@ pub(crate) fn build() -> Vec<Edit> {
     studio(&mut builder);
     let palette = Palette::new(&mut builder);
     let red = paint(&mut builder, "red", ShaderUse::named("carpaint"));
-    let bronze = ShaderUse::named("carpaint")
+    let petrol = ShaderUse::named("carpaint")
         .with("base", Vec3::new(0.05, 0.16, 0.20))
         .with("flop", Vec3::new(0.16, 0.05, 0.22))
         .with("flake", Vec3::new(0.45, 0.80, 0.75))
         .with("falloff", 1.1);
-    let bronze = paint(&mut builder, "petrol", bronze);
+    let petrol = paint(&mut builder, "petrol", petrol);
     let front = car(&mut builder, &palette, red);
-    let behind = car(&mut builder, &palette, bronze);
+    let behind = car(&mut builder, &palette, petrol);
     builder.place("red car", front, None, place(Vec3::new(-0.2, 0.0, 0.5), 0.62));
     builder.place("petrol car", behind, None, place(Vec3::new(1.7, 0.0, -3.4), -0.5));
     builder.environment(sky::studio());
     let eye = Vec3::new(-2.6, 1.45, 5.9);
     builder.camera(Camera::look_at("front", eye, Vec3::new(0.15, 0.55, 0.0), Vec3::Y, 0.50));
-    let eye = Vec3::new(-2.9, 1.05, 2.6);
-    builder.camera(Camera::look_at("close", eye, Vec3::new(-1.1, 0.62, 1.0), Vec3::Y, 0.42));
+    let eye = Vec3::new(-1.6, 0.95, 3.3);
+    builder.camera(Camera::look_at("close", eye, Vec3::new(-0.95, 0.52, 1.6), Vec3::Y, 0.50));
     builder.finish()
 }
 
@@ -53,10 +53,12 @@ impl Palette {
         let mut metal =
             |name, color, roughness| builder.material(Material::metal(name, Vec3::splat(color), roughness));
         let (rim, chrome) = (metal("rim", 0.72, 0.22), metal("chrome", 0.9, 0.04));
-        let head =
-            Material { emissive: Vec3::splat(1.6), ..Material::plastic("head lamp", Vec3::splat(0.7), 0.05) };
+        let head = Material {
+            emissive: Vec3::splat(0.15),
+            ..Material::plastic("head lamp", Vec3::splat(0.45), 0.02)
+        };
         let tail = Vec3::new(0.55, 0.01, 0.01);
-        let tail = Material { emissive: tail * 0.6, ..Material::plastic("tail lamp", tail, 0.08) };
+        let tail = Material { emissive: tail * 0.2, ..Material::plastic("tail lamp", tail, 0.08) };
         Self {
             glass: builder.material(Material::plastic("window", Vec3::splat(0.012), 0.0)),
             black: builder.material(Material::plastic("trim", Vec3::splat(0.012), 0.45)),

@@ -37,8 +37,8 @@ impl SurfaceShader for CarPaint {
             name: "carpaint".into(),
             about: "metallic paint: flip-flop colour, flakes, a clear coat".into(),
             parameters: vec![
-                Parameter::color("base", [0.58, 0.025, 0.035], "colour seen head-on"),
-                Parameter::color("flop", [0.16, 0.0, 0.05], "colour seen at grazing angles"),
+                Parameter::color("base", [0.46, 0.010, 0.016], "colour seen head-on"),
+                Parameter::color("flop", [0.11, 0.0, 0.035], "colour seen at grazing angles"),
                 Parameter::float(
                     "falloff",
                     1.6,
@@ -46,8 +46,8 @@ impl SurfaceShader for CarPaint {
                     "",
                     "how late the colour flops: exponent of 1 − cos",
                 ),
-                Parameter::color("flake", [0.95, 0.55, 0.40], "colour of the flakes"),
-                Parameter::float("flakes", 0.3, [0.0, 1.0], "", "share of the surface that flakes cover"),
+                Parameter::color("flake", [0.90, 0.20, 0.12], "colour of the flakes"),
+                Parameter::float("flakes", 0.25, [0.0, 1.0], "", "share of the surface that flakes cover"),
                 Parameter::float("flake_size", 0.0012, [1e-6, 1e6], "m", "of a flake, object space"),
                 Parameter::float("flake_tilt", 0.3, [0.0, 1.0], "", "slope of the most tilted flakes"),
                 Parameter::float("roughness", 0.42, [0.0, 1.0], "", "of the base coat"),

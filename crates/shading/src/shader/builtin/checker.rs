@@ -45,8 +45,9 @@ impl SurfaceShader for Checker {
 /// The square wave of period 2 that is 1 on [0, 1) and −1 on [1, 2), averaged over `width` around `x`.
 #[inline(always)]
 fn wave<F: Real>(x: F, width: F) -> F {
-    let width = width.max(width.splat(1e-4));
-    (integral(x + width * 0.5) - integral(x - width * 0.5)) / width
+    // Beyond ten thousand cells the mean is zero.
+    let width = width.clamp(1e-4, 1e4);
+    ((integral(x + width * 0.5) - integral(x - width * 0.5)) / width).clamp(-1.0, 1.0)
 }
 
 /// Its integral from 0: a triangle wave between 0 and 1.

@@ -1,6 +1,6 @@
 //! The shading models of fixed-function graphics, in the terms of the layered model.
 
-use super::{make_matte, make_plastic, plastic};
+use super::{make_matte, make_plastic, matte, plastic};
 use crate::closure::Closure;
 use crate::lanes::{Real, Vector};
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
@@ -22,7 +22,7 @@ pub(super) struct Lambert;
 impl SurfaceShader for Lambert {
     fn info(&self) -> ShaderInfo {
         let diffuse = Parameter::color("diffuse", [0.62, 0.60, 0.56], "reflectance");
-        plastic("lambert", "matte: reflects alike in all directions", vec![diffuse])
+        matte("lambert", "matte: reflects alike in all directions", vec![diffuse])
     }
 
     #[inline(always)]

@@ -53,6 +53,11 @@ fn plastic(name: &str, about: &str, parameters: Vec<Parameter>) -> ShaderInfo {
     ShaderInfo { name: name.into(), about: about.into(), parameters, lobes, see_through: false }
 }
 
+/// An opaque shader that scatters diffusely alone.
+fn matte(name: &str, about: &str, parameters: Vec<Parameter>) -> ShaderInfo {
+    ShaderInfo { lobes: Lobes::DIFFUSE, ..plastic(name, about, parameters) }
+}
+
 /// Makes a closure that of plastic: no metal, coat or transmission, the usual reflection.
 #[inline(always)]
 fn make_plastic<F: Real>(closure: &mut Closure<F>, base_color: Vector<F>, roughness: F) {

@@ -1,6 +1,6 @@
 //! Mixtures of colours by noise: fractal patches, clouds, granite.
 
-use super::{make_matte, make_plastic, plastic, relief::footprint};
+use super::{make_matte, make_plastic, matte, plastic, relief::footprint};
 use crate::closure::Closure;
 use crate::lanes::noise::{Octaves, cells, fbm, linear_step, smooth_step};
 use crate::lanes::{Real, Vector, Whole};
@@ -76,7 +76,7 @@ impl Clouds {
 
 impl SurfaceShader for Clouds {
     fn info(&self) -> ShaderInfo {
-        plastic(
+        matte(
             "clouds",
             "matte clouds over a sky of one colour",
             vec![

@@ -1,6 +1,6 @@
 //! Cartoon shading as far as a closure goes: bands of matte colour by the angle to the viewer, and an outline.
 
-use super::{make_matte, plastic};
+use super::{make_matte, matte};
 use crate::closure::Closure;
 use crate::lanes::Real;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
@@ -22,7 +22,7 @@ pub(super) struct Toon;
 
 impl SurfaceShader for Toon {
     fn info(&self) -> ShaderInfo {
-        plastic(
+        matte(
             "toon",
             "flat bands of colour by the angle to the viewer, with an outline",
             vec![

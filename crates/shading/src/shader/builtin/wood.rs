@@ -48,7 +48,13 @@ impl SurfaceShader for Wood {
                     "m",
                     "depth of the trunk's axis below the origin",
                 ),
-                Parameter::float("distortion", 0.5, [0.0, 10.0], "rings", "how far rings stray from circles"),
+                Parameter::float(
+                    "distortion",
+                    0.35,
+                    [0.0, 10.0],
+                    "rings",
+                    "how far rings stray from circles",
+                ),
                 Parameter::float("grain", 0.35, [0.0, 1.0], "", "contrast of the fibres"),
                 Parameter::float("pores", 0.5, [0.0, 1.0], "", "depth of colour of the pores"),
                 Parameter::float(
@@ -70,7 +76,7 @@ impl SurfaceShader for Wood {
         let octaves = |count, width, seed| Octaves { count, gain: inputs.constant(0.5), width, seed };
 
         // Trunks are far more alike along their axis than across it.
-        let trunk = Vector::new(p.x * 0.12, p.y, p.z) * (per_ring * 0.1);
+        let trunk = Vector::new(p.x * 0.3, p.y, p.z) * (per_ring * 0.1);
         let stray = fbm(trunk, octaves(inputs.constant(2.0), width * 0.1, 1)) * inputs.float(DISTORTION);
         let y = p.y + inputs.float(PITH);
         let age = (y.squared() + p.z.squared()).sqrt() * per_ring + stray * 3.0;
