@@ -101,6 +101,8 @@ typedef struct HeliostatPoints {
     const struct HeliostatFloats *u;
     // First set of texture coordinates, along the height of the picture, from its top.
     const struct HeliostatFloats *v;
+    // log2 of the width of the footprint in those coordinates; 0 where the mesh has none.
+    const struct HeliostatFloats *uv_lod;
     // Width of the footprint across the ray, metres: detail finer than this should fade out.
     const struct HeliostatFloats *width;
     // Distance along the ray that arrived, metres.
@@ -218,7 +220,7 @@ typedef struct HeliostatPlugin {
 /* The engine asserts the same. */
 static_assert(sizeof(HeliostatFloats) == 64, "packets are tightly packed");
 static_assert(sizeof(HeliostatVectors) == 192, "packets are tightly packed");
-static_assert(sizeof(HeliostatPoints) == 13 * sizeof(void *), "a table of pointers");
+static_assert(sizeof(HeliostatPoints) == 14 * sizeof(void *), "a table of pointers");
 static_assert(sizeof(HeliostatClosures) == 13 * sizeof(void *), "a table of pointers");
 static_assert(sizeof(HeliostatInputs) == 2 * sizeof(void *), "a pointer and a number");
 static_assert(sizeof(HeliostatCallbacks) == 8 * sizeof(void *), "a table of pointers");

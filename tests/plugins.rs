@@ -228,7 +228,7 @@ fn broken_plugins_leave_a_placeholder_and_a_problem() {
         (plugin(sound.clone(), "other"), "there is no shader `other` in it; it has: faulty"),
         (plugin(folder.join("missing.so"), "faulty"), "missing.so"),
         (plugin(folder.join("text.so"), "faulty"), "the system cannot load it"),
-        (ShaderUse::named("nonsense"), "there is no shader `nonsense`; there are: checker"),
+        (ShaderUse::named("nonsense"), "there is no shader `nonsense`; there are: "),
     ] {
         let (report, [frame, _]) = show(Some(shader), true);
         let [problem] = &report.problems[..] else { panic!("{expected}: {:?}", report.problems) };

@@ -81,6 +81,8 @@ pub struct HeliostatPoints {
     pub u: *const HeliostatFloats,
     /// First set of texture coordinates, along the height of the picture, from its top.
     pub v: *const HeliostatFloats,
+    /// log2 of the width of the footprint in those coordinates; 0 where the mesh has none.
+    pub uv_lod: *const HeliostatFloats,
     /// Width of the footprint across the ray, metres: detail finer than this should fade out.
     pub width: *const HeliostatFloats,
     /// Distance along the ray that arrived, metres.
@@ -251,7 +253,7 @@ pub type HeliostatEntry = Option<unsafe extern "C" fn(abi_version: u32) -> *cons
 
 // The header asserts the same for the author's compiler.
 const _: () = assert!(size_of::<HeliostatFloats>() == 64 && size_of::<HeliostatVectors>() == 192);
-const _: () = assert!(size_of::<HeliostatPoints>() == 13 * size_of::<*const c_void>());
+const _: () = assert!(size_of::<HeliostatPoints>() == 14 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatClosures>() == 13 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatInputs>() == 2 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatCallbacks>() == 8 * size_of::<*const c_void>());

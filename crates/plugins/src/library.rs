@@ -20,8 +20,11 @@ pub(crate) fn open(path: &Path) -> Result<Loaded, PluginError> {
     let file = path.to_path_buf();
     // On a thread of its own, since start-up code of libraries that were compiled for fast mathematics changes the rounding
     // of the thread that loads them, and pictures with it.
-    let opened = std::thread::scope(|scope| scope.spawn(|| open_here(path)).join());
-    match opened {
+    let opened = std::thread::scope(|scope| {
+        let loader = std::thread::Builder::new().name("heliostat-plugin".into());
+        loader.spawn_scoped(scope, || open_here(path)).map(|thread| thread.join())
+    });
+    match opened.map_err(|source| PluginError::File { file: file.clone(), source })? {
         Ok(Ok(library)) => Ok(Loaded { file, library }),
         Ok(Err(error)) => {
             // The system's own words are the cause of the loader's.

@@ -223,6 +223,7 @@ fn points_table(points: &Points) -> HeliostatPoints {
         alpha: from_ref(&points.alpha).cast(),
         u: from_ref(u).cast(),
         v: from_ref(v).cast(),
+        uv_lod: from_ref(&points.lod[0]).cast(),
         width: from_ref(&points.width).cast(),
         distance: from_ref(&points.distance).cast(),
         level: from_ref(&points.level).cast(),

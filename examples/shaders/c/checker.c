@@ -13,6 +13,15 @@ static const HeliostatParameter parameters[PARAMETERS] = {
     {"size", HELIOSTAT_FLOAT, {0.25f, 0.25f, 0.25f}, {1e-6f, 1e6f}, "m", "edge of a cube, object space"},
 };
 
+/* Beyond this floats have no fraction. */
+#define LIMIT 4e6f
+
+static inline float clamped(float x)
+{
+    x = x > -LIMIT ? x : -LIMIT;
+    return x < LIMIT ? x : LIMIT;
+}
+
 /* The integral from 0 of the square wave of period 2 that is 1 on [0, 1) and -1 on [1, 2). */
 static inline float integral(float x)
 {
@@ -63,9 +72,9 @@ static void shade(const void *instance, const HeliostatPoints *points, const Hel
         float per_cell = 1.0f / size[i];
         float w = width[i] * per_cell * scale[i];
         /* A little inside, so that faces on a border between cubes do not flicker between them. */
-        float x = wave(p->x.lane[i] * per_cell + 1e-3f, w);
-        float y = wave(p->y.lane[i] * per_cell + 1e-3f, w);
-        float z = wave(p->z.lane[i] * per_cell + 1e-3f, w);
+        float x = wave(clamped(p->x.lane[i] * per_cell + 1e-3f), w);
+        float y = wave(clamped(p->y.lane[i] * per_cell + 1e-3f), w);
+        float z = wave(clamped(p->z.lane[i] * per_cell + 1e-3f), w);
         float t = x * y * z * 0.5f + 0.5f;
         color->x.lane[i] = second->x.lane[i] + (first->x.lane[i] - second->x.lane[i]) * t;
         color->y.lane[i] = second->y.lane[i] + (first->y.lane[i] - second->y.lane[i]) * t;

@@ -31,6 +31,7 @@ struct Points {
     alpha: *const Floats,
     u: *const Floats,
     v: *const Floats,
+    uv_lod: *const Floats,
     width: *const Floats,
     distance: *const Floats,
     level: *const Floats,
@@ -162,6 +163,9 @@ pub extern "C" fn heliostat_plugin(abi_version: u32) -> *const Plugin {
     if abi_version == ABI_VERSION { &raw const PLUGIN.0 } else { std::ptr::null() }
 }
 
+/// The mean over a thread of the light that `shade` gives it: 0.4 + 0.6 · 2/3 · (1/2 + 1/2 · 2/3).
+const MEAN_LIGHT: f32 = 0.733_333_3;
+
 /// A panic must not leave the plug-in: it becomes values that are no numbers, which the engine shows and reports.
 unsafe extern "C" fn shade(
     _instance: *const c_void,
@@ -172,10 +176,11 @@ unsafe extern "C" fn shade(
     count: u32,
 ) {
     // SAFETY: the engine passes tables whose pointers are all valid, and closures that nobody else looks at.
-    let (u, v, values, color) = unsafe {
-        let values = std::slice::from_raw_parts((*inputs).values, (*inputs).count as usize);
-        (&*(*points).u, &*(*points).v, values, &mut *(*closures).base_color)
+    let (points, values, closures) = unsafe {
+        (&*points, std::slice::from_raw_parts((*inputs).values, (*inputs).count as usize), &*closures)
     };
+    // SAFETY: as above.
+    let (u, v, lod, color) = unsafe { (&*points.u, &*points.v, &*points.uv_lod, &mut *closures.base_color) };
     let work = AssertUnwindSafe(|| {
         // SAFETY: as above.
         let [warp, weft, threads] = [WARP, WEFT, THREADS].map(|parameter| unsafe { &*values[parameter] });
@@ -188,9 +193,15 @@ unsafe extern "C" fn shade(
             let across = if over { a } else { b };
             let round = |x: f32| 1.0 - (2.0 * (x - x.floor()) - 1.0).powi(2);
             let light = 0.4 + 0.6 * round(along) * (0.5 + 0.5 * round(across));
-            color.x.0[lane] = from.x.0[lane] * light;
-            color.y.0[lane] = from.y.0[lane] * light;
-            color.z.0[lane] = from.z.0[lane] * light;
+            // Threads finer than the footprint fade into the mean of the cloth.
+            let sharp = (2.0 - 2.0 * lod.0[lane].exp2() * threads.x.0[lane]).clamp(0.0, 1.0);
+            let blend = |from: f32, warp: f32, weft: f32| {
+                let mean = 0.5 * (warp + weft) * MEAN_LIGHT;
+                mean + (from * light - mean) * sharp
+            };
+            color.x.0[lane] = blend(from.x.0[lane], warp.x.0[lane], weft.x.0[lane]);
+            color.y.0[lane] = blend(from.y.0[lane], warp.y.0[lane], weft.y.0[lane]);
+            color.z.0[lane] = blend(from.z.0[lane], warp.z.0[lane], weft.z.0[lane]);
         }
     });
     if catch_unwind(work).is_err() {
