@@ -7,8 +7,9 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3, Vec4};
 use heliostat_scene::{Clearcoat, Material, MaterialId, ShaderUse, Volume};
 
-use crate::bsdf::{Bsdf, Selection};
+use crate::bsdf::Bsdf;
 use crate::lanes::{Vector, WIDTH};
+use crate::lobe_set::Selection;
 use crate::lobes::{LobeGeometry, appearance};
 use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;

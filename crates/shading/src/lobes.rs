@@ -4,10 +4,11 @@
 //! Khronos glTF 2.0 specification, appendix B, for the mix; Turquin 2019 for the energy that single scattering loses.
 
 use crate::albedo::reflection;
-use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, ThinTransmission};
+use crate::bsdf::{Bsdf, Glass, Reflection, ThinTransmission};
 use crate::closure::Closure;
 use crate::fresnel::{dielectric, normal_incidence, schlick_weight};
 use crate::lanes::{Mask, Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::material::SurfaceMaterial;
 use crate::microfacet::SMOOTH_ALPHA;
 

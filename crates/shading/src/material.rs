@@ -7,10 +7,10 @@ use glam::{Vec2, Vec3};
 use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, TextureId, TextureRef};
 
 use crate::albedo::InterfaceTables;
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::color::Rgba;
 use crate::lanes::{LaneFn, Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::lobes::effective_ior;
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::shader::{Bound, ShaderProblem, ShaderRegistry};

@@ -2,8 +2,8 @@
 
 use fearless_simd::{Level, Simd};
 
-use crate::bsdf::Selection;
 use crate::lanes::{Floats, Mask, Packet, Real, Vector, Vectors, WIDTH};
+use crate::lobe_set::Selection;
 use crate::surface::{LaneMode, Surfaces};
 
 /// Light that arrives at the points of a packet from one emitter, a sampled direction each.

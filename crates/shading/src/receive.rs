@@ -4,10 +4,10 @@ use fearless_simd::{Level, Simd};
 use glam::Vec3;
 use heliostat_scene::LightKind;
 
-use crate::bsdf::{Lobes, Selection};
 use crate::emission::Source;
 use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::light::from_light;
+use crate::lobe_set::{Lobes, Selection};
 use crate::packet::on_lanes;
 use crate::surface::{LaneMode, Surfaces};
 

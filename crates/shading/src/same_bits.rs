@@ -10,9 +10,9 @@ use heliostat_scene::{
     Volume, Wrap,
 };
 
-use crate::bsdf::Selection;
 use crate::emission::Source;
 use crate::lanes::{Floats, Vectors, WIDTH};
+use crate::lobe_set::Selection;
 use crate::material::{InterfaceCache, SurfaceMaterial};
 use crate::packet::{Scattered, Scattering};
 use crate::receive::{Received, Taking};

@@ -4,9 +4,10 @@ use fearless_simd::{Level, Simd};
 use glam::Vec3;
 use heliostat_kernel::Isa;
 
-use crate::bsdf::{Bsdf, Glass, Lobes, Reflection, Selection, ThinTransmission};
+use crate::bsdf::{Bsdf, Glass, Reflection, ThinTransmission};
 use crate::closure::{Closure, Closures};
 use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH};
+use crate::lobe_set::{Lobes, Selection};
 use crate::lobes::{LobeGeometry, appearance};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
 use crate::packet::on_lanes;

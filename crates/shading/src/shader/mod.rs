@@ -13,9 +13,9 @@ use std::sync::Arc;
 
 use fearless_simd::{Level, Simd};
 
-use crate::bsdf::Lobes;
 use crate::closure::{Closure, Closures};
 use crate::lanes::{Packet, Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::packet::on_lanes;
 use crate::point::Points;
 use crate::surface::LaneMode;

@@ -10,9 +10,9 @@ use super::builtin;
 use super::{
     Input, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, SurfaceProgram, SurfaceShader,
 };
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::{Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::material::Slot;
 use crate::texture::MipMap;
 

@@ -1,10 +1,10 @@
 //! Relief for whatever the material is: fractal bumps, hammered dents, water ripples.
 
 use super::relief::{Relief, footprint, raised};
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::{Octaves, cells, fbm, smooth_step};
 use crate::lanes::{Real, Vector, cos_sin_turns};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 const HEIGHT: usize = 0;

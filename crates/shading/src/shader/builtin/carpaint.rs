@@ -1,10 +1,10 @@
 //! Car paint: a base coat whose colour flops with the angle, metal flakes in it, a clear coat over both.
 
 use super::relief::footprint;
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::{cells, smooth_step};
 use crate::lanes::{Real, Vector, Whole, cos_sin_turns, pow};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 const BASE: usize = 0;

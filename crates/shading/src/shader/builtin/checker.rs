@@ -1,9 +1,9 @@
 //! A three-dimensional checkerboard, box-filtered over the footprint.
 
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::LIMIT;
 use crate::lanes::{Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 const FIRST: usize = 0;

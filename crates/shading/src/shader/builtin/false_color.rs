@@ -1,9 +1,9 @@
 //! Quantities made visible: surfaces that glow in the colour of a number and do nothing else.
 
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::linear_step;
 use crate::lanes::{Real, Vector, cos_sin_turns, pow};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 fn shows(name: &str, about: &str, parameters: Vec<Parameter>) -> ShaderInfo {

@@ -1,9 +1,9 @@
 //! Leaves cut out of whatever the texture coordinates cover, lit through from behind.
 
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::{cell_hash, linear_step, smooth_step};
 use crate::lanes::{Real, Vector, Whole, pow};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 const FRONT: usize = 0;

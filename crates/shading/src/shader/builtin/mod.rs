@@ -17,9 +17,9 @@ mod toon;
 mod wood;
 
 use super::{Parameter, ShaderInfo, ShaderRegistry};
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::{Real, Vector};
+use crate::lobe_set::Lobes;
 
 /// Adds them all.
 pub(super) fn register(registry: &mut ShaderRegistry) {

@@ -1,10 +1,10 @@
 //! Mirrors and glass.
 
 use super::relief::{Relief, footprint, raised};
-use crate::bsdf::Lobes;
 use crate::closure::Closure;
 use crate::lanes::noise::{Octaves, fbm};
 use crate::lanes::{Real, Vector};
+use crate::lobe_set::Lobes;
 use crate::shader::{Inputs, Parameter, Point, ShaderInfo, SurfaceShader};
 
 const TINT: usize = 0;
