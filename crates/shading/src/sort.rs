@@ -1,8 +1,7 @@
 //! Hits sorted by material, so that shaders run on full packets.
 //!
 //! # References
-//! Áfra, Wald, Benthin, Woop, "Embree Ray Tracing Kernels: Overview and New Features", 2016, and Áfra et al., "Local
-//! Shading Coherence Extraction for SIMD-Efficient Path Tracing on CPUs", 2016.
+//! Áfra, Benthin, Wald, Munkberg, "Local Shading Coherence Extraction for SIMD-Efficient Path Tracing on CPUs", 2016.
 
 use heliostat_kernel::Hit;
 
