@@ -70,7 +70,8 @@ fn derivatives_are_those_of_the_value() {
 #[test]
 fn everything_is_continuous() {
     const STEP: f32 = 1e-3;
-    let fields: [(&str, fn(Vector<f32>) -> f32); 5] = [
+    type Field = fn(Vector<f32>) -> f32;
+    let fields: [(&str, Field); 5] = [
         ("gradient noise", |p| gradient_noise(p, 2).value),
         ("fbm", |p| fbm(p, octaves(4.0, 0.0))),
         ("turbulence", |p| turbulence(p, octaves(4.0, 0.0))),
