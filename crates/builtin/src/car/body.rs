@@ -15,7 +15,7 @@ const HALF_WIDTH: f32 = 0.90;
 pub(super) const AXLES: [f32; 2] = [-1.32, 1.30];
 pub(super) const TRACK: f32 = 0.755;
 /// Of the hollows around the wheels.
-const ARCH: f32 = 0.385;
+const ARCH: f32 = 0.41;
 /// Exponents of a section's height and width over sine and cosine: small ones are boxes.
 const TALL: f32 = 0.5;
 const WIDE: f32 = 0.36;
@@ -32,7 +32,7 @@ pub(super) struct Body {
 }
 
 pub(super) fn parts() -> Body {
-    let hull = Shape::patch(640, 200, Vec2::new(2.0 * HALF_LENGTH, 4.0), hull);
+    let hull = Shape::patch(320, 360, Vec2::new(2.0 * HALF_LENGTH, 4.0), hull);
     let mut trim = Shape::default();
     for x in AXLES {
         for side in [1.0, -1.0] {
@@ -75,9 +75,9 @@ pub(super) fn parts() -> Body {
 /// The inside of the hollow above a wheel.
 fn liner(axle: f32, side: f32) -> Shape {
     Shape::patch(64, 4, Vec2::ONE, |u, v| {
-        let p = Vec2::new(axle, RADIUS) + (ARCH - 0.016) * Vec2::from_angle(PI * (1.1 * u - 0.05));
+        let p = Vec2::new(axle, RADIUS) + (ARCH - 0.05) * Vec2::from_angle(PI * (1.1 * u - 0.05));
         let outside = Station::at(p.x).half_width(p.y) - 0.012;
-        Vec3::new(p.x, p.y, side * (0.54 + (outside - 0.54) * v))
+        Vec3::new(p.x, p.y, side * (0.60 + (outside - 0.60) * v))
     })
 }
 
@@ -103,8 +103,12 @@ struct Station {
 impl Station {
     /// `x` within the body.
     fn at(x: f32) -> Self {
-        // Along the length as along a superellipse of exponent 5, so that both ends are round.
-        let end = (1.0 - (x / HALF_LENGTH).abs().powf(5.0)).max(0.0).powf(0.2);
+        Self::new(x, (1.0 - (x / HALF_LENGTH).abs().powi(5)).max(0.0).powf(0.2))
+    }
+
+    /// Along the length as along a superellipse of exponent 5, so that both ends are round: (x / half length, `end`) is a
+    /// point of it.
+    fn new(x: f32, end: f32) -> Self {
         let bonnet = 0.66 + 0.20 * smooth(-2.1, -0.75, x);
         let top = bonnet + 0.05 * smooth(0.3, 1.5, x) - 0.03 * smooth(1.7, 2.15, x);
         Self { x, bottom: 0.19 + 0.09 * smooth(1.3, 2.1, x.abs()), top, end }
@@ -141,11 +145,24 @@ impl Station {
     }
 }
 
-/// A point of the body: u around, v from the front to the back.
+/// A point of the body: u around, v from the front to the back, both in even steps.
 fn hull(u: f32, v: f32) -> Vec3 {
-    let along = -HALF_LENGTH * power((PI * v.clamp(0.0, 1.0)).cos(), 0.4);
-    let p = Station::at(along).point(-TAU * u);
+    let along = 2.0 * v.clamp(0.0, 1.0) - 1.0;
+    let end = 1.0 - along.abs();
+    let scale = (along.abs().powi(5) + end.powi(5)).powf(-0.2);
+    let p = Station::new(HALF_LENGTH * along * scale, end * scale).point(-angle(u));
     Vec3::new(p.x, p.y, arched(p.x, p.y, p.z))
+}
+
+/// The angle around a section at which its points are spaced evenly: height grows with `q` in the lower half of a quarter,
+/// width falls with it in the upper half.
+fn angle(u: f32) -> f32 {
+    let quarters = 4.0 * u.rem_euclid(1.0);
+    let quarter = quarters.floor();
+    let q = quarters - quarter;
+    let rising = |q: f32| q.powf(1.0 / TALL).atan2((1.0 - q).powf(1.0 / WIDE));
+    let within = if quarter % 2.0 == 0.0 { rising(q) } else { 0.5 * PI - rising(1.0 - q) };
+    0.5 * PI * quarter + within
 }
 
 /// Where the front is at a height and to a side.
@@ -163,7 +180,7 @@ fn arch_edge(axle: f32, side: f32) -> Shape {
     let points: Vec<(Vec3, f32)> = (0..=48)
         .map(|i| PI * (1.16 * i as f32 / 48.0 - 0.08))
         .map(|angle| Vec2::new(axle, RADIUS) + (ARCH + 0.004) * Vec2::from_angle(angle))
-        .map(|p| (Vec3::new(p.x, p.y, side * (Station::at(p.x).half_width(p.y) - 0.006)), 0.016))
+        .map(|p| (Vec3::new(p.x, p.y, side * (Station::at(p.x).half_width(p.y) - 0.008)), 0.022))
         .collect();
     tube(&points, 12, true)
 }
@@ -171,8 +188,8 @@ fn arch_edge(axle: f32, side: f32) -> Shape {
 /// Moves the sides inwards around the wheels.
 fn arched(x: f32, y: f32, z: f32) -> f32 {
     let nearest = AXLES.map(|axle| Vec2::new(x - axle, y - RADIUS).length());
-    let inside = 1.0 - smooth(ARCH - 0.012, ARCH + 0.012, nearest[0].min(nearest[1]));
-    let inner = z.clamp(-0.55, 0.55);
+    let inside = 1.0 - smooth(ARCH - 0.06, ARCH, nearest[0].min(nearest[1]));
+    let inner = z.clamp(-0.62, 0.62);
     z + (inner - z) * inside
 }
 

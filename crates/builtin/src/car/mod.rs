@@ -53,10 +53,10 @@ impl Palette {
         let mut metal =
             |name, color, roughness| builder.material(Material::metal(name, Vec3::splat(color), roughness));
         let (rim, chrome) = (metal("rim", 0.72, 0.22), metal("chrome", 0.9, 0.04));
-        let head = Material {
-            emissive: Vec3::splat(0.15),
-            ..Material::plastic("head lamp", Vec3::splat(0.45), 0.02)
-        };
+        let flutes =
+            ShaderUse::named("ripples").with("wavelength", 0.025).with("height", 0.0012).with("spread", 0.0);
+        let head = Material::metal("head lamp", Vec3::new(0.86, 0.88, 0.90), 0.12);
+        let head = Material { shader: Some(Arc::new(flutes)), ..head };
         let tail = Vec3::new(0.55, 0.01, 0.01);
         let tail = Material { emissive: tail * 0.2, ..Material::plastic("tail lamp", tail, 0.08) };
         Self {

@@ -16,7 +16,7 @@ const PORES: usize = 6;
 const ROUGHNESS: usize = 7;
 
 /// Share of late wood in a ring, on average.
-const MEAN_LATE: f32 = 0.42;
+const MEAN_LATE: f32 = 0.33;
 
 /// Timber cut from a trunk along the object's x axis.
 ///
@@ -103,7 +103,7 @@ fn late_wood<F: Real>(age: F, width: F) -> F {
     let year = age.floor();
     let t = age - year;
     let zero = age.splat(0.0);
-    let strength = cell_hash(Vector::new(year, zero, zero), 4).unit() * 0.5 + 0.6;
+    let strength = cell_hash(Vector::new(year, zero, zero), 4).unit() * 0.5 + 0.5;
     let late = smooth_step(0.15, 0.88, t) * smooth_step(0.9, 1.0, t).complement() * strength;
     zero.splat(MEAN_LATE).mix(late, smooth_step(0.25, 0.6, width).complement())
 }
