@@ -16,10 +16,10 @@ static const HeliostatParameter parameters[PARAMETERS] = {
 /* Beyond this floats have no fraction. */
 #define LIMIT 4e6f
 
-static inline float clamped(float x)
+static inline float clamped(float x, float low, float high)
 {
-    x = x > -LIMIT ? x : -LIMIT;
-    return x < LIMIT ? x : LIMIT;
+    x = x > low ? x : low;
+    return x < high ? x : high;
 }
 
 /* The integral from 0 of the square wave of period 2 that is 1 on [0, 1) and -1 on [1, 2). */
@@ -33,8 +33,10 @@ static inline float integral(float x)
 /* That square wave, averaged over a width. */
 static inline float wave(float x, float width)
 {
-    width = width > 1e-4f ? width : 1e-4f;
-    return (integral(x + width * 0.5f) - integral(x - width * 0.5f)) / width;
+    /* Beyond ten thousand cells the mean is zero. */
+    width = clamped(width, 1e-4f, 1e4f);
+    x = clamped(x, -LIMIT, LIMIT);
+    return clamped((integral(x + width * 0.5f) - integral(x - width * 0.5f)) / width, -1.0f, 1.0f);
 }
 
 /* The length in object space of a metre along a tangent of the surface (Duff et al., "Building an Orthonormal Basis,
@@ -72,9 +74,9 @@ static void shade(const void *instance, const HeliostatPoints *points, const Hel
         float per_cell = 1.0f / size[i];
         float w = width[i] * per_cell * scale[i];
         /* A little inside, so that faces on a border between cubes do not flicker between them. */
-        float x = wave(clamped(p->x.lane[i] * per_cell + 1e-3f), w);
-        float y = wave(clamped(p->y.lane[i] * per_cell + 1e-3f), w);
-        float z = wave(clamped(p->z.lane[i] * per_cell + 1e-3f), w);
+        float x = wave(p->x.lane[i] * per_cell + 1e-3f, w);
+        float y = wave(p->y.lane[i] * per_cell + 1e-3f, w);
+        float z = wave(p->z.lane[i] * per_cell + 1e-3f, w);
         float t = x * y * z * 0.5f + 0.5f;
         color->x.lane[i] = second->x.lane[i] + (first->x.lane[i] - second->x.lane[i]) * t;
         color->y.lane[i] = second->y.lane[i] + (first->y.lane[i] - second->y.lane[i]) * t;
