@@ -201,7 +201,7 @@ impl Engine {
             clamp: options.clamp,
             compensate: options.compensate,
         };
-        let frame = IgiFrame::new(view, settings, igi);
+        let mut frame = IgiFrame::new(view, settings, igi);
         let size = film.size();
         let regions = frame.regions(size.0, size.1);
         progress.start(regions.len() as u64 * u64::from(settings.samples));
@@ -212,10 +212,11 @@ impl Engine {
             regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
         let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
         for pass in 0..settings.samples {
+            rays.fetch_add(frame.start(pass), Ordering::Relaxed);
             let shared = Mutex::new(&mut picture);
             work_through(self.threads, regions.len(), &stop, &|index| {
                 let region = &regions[index];
-                let (gathered, traced) = frame.render(region, pass, &mut locked(&sums[index]));
+                let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
                 rays.fetch_add(traced, Ordering::Relaxed);
                 let mut picture = locked(&shared);
                 for ((x, y), pixel) in region.pixels().zip(gathered) {
@@ -224,7 +225,7 @@ impl Engine {
                 progress.advance(1);
             })?;
             work_through(self.threads, rows.len(), &stop, &|y| {
-                let light = frame.row(&picture, size, y as u32, pass);
+                let light = frame.row(&picture, size, y as u32);
                 locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
             })?;
         }
@@ -234,7 +235,7 @@ impl Engine {
         for (y, row) in (0..).zip(&rows) {
             film.add_row(y, &locked(row));
         }
-        Ok(rays.into_inner() + frame.vpl_rays())
+        Ok(rays.into_inner())
     }
 }
 

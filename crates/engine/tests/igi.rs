@@ -223,6 +223,7 @@ fn impossible_options_are_refused() {
         IgiOptions { paths: 0, ..good },
         IgiOptions { interleave: [0, 3], ..good },
         IgiOptions { interleave: [3, 9], ..good },
+        IgiOptions { paths: 1 << 16, ..good },
         IgiOptions { clamp: 0.0, ..good },
         IgiOptions { clamp: f32::NAN, ..good },
     ] {

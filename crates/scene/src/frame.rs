@@ -39,7 +39,7 @@ pub struct FrameRequest {
 /// Parameters of Instant Global Illumination.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IgiOptions {
-    /// Light paths of each set of virtual point lights, at least 1.
+    /// Light paths of each set of virtual point lights, at least 1; of all sets together at most 2^18.
     pub paths: u32,
     /// Columns and rows of the interleaving pattern, 1 to 8 each: neighbouring pixels take as many different sets.
     pub interleave: [u32; 2],
@@ -67,6 +67,11 @@ impl IgiOptions {
         let [n, m] = self.interleave;
         if !(1..=8).contains(&n) || !(1..=8).contains(&m) {
             return Some(format!("a pattern of {n}×{m} sets; give 1 to 8 columns and rows"));
+        }
+        let most = 1 << 18;
+        if self.paths * n * m > most {
+            let paths = self.paths;
+            return Some(format!("{paths} paths for each of {n}×{m} sets; give at most {most} in all"));
         }
         (self.clamp.is_nan() || self.clamp <= 0.0)
             .then(|| format!("`clamp` is {}; give a positive number or infinity", self.clamp))

@@ -2,6 +2,8 @@
 
 use glam::Vec2;
 
+use crate::lanes::Whole;
+
 /// Samples the sequence offers before it continues with a fresh scramble.
 const SEQUENCE_LENGTH: u32 = 1 << 16;
 /// Sets of four dimensions that the sequence has.
@@ -57,12 +59,9 @@ fn unit_float(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
 
-/// A bijective integer hash (two multiply–xorshift rounds) whose every input bit affects every output bit.
-fn hash(mut x: u32) -> u32 {
-    x = x.wrapping_add(0x6a09_e667);
-    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
-    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
+/// See [`Whole::hashed`].
+fn hash(x: u32) -> u32 {
+    x.hashed()
 }
 
 #[cfg(test)]

@@ -13,9 +13,6 @@ mod gather;
 mod residual;
 mod vpl;
 
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use glam::Vec3;
 use heliostat_kernel::RayQuery;
 
@@ -90,16 +87,25 @@ pub struct IgiFrame<'a, Q: ?Sized> {
     view: &'a View<'a, Q>,
     settings: &'a Settings,
     igi: IgiSettings,
-    /// Virtual point lights by pass, made when the first region needs them.
-    vpls: Vec<OnceLock<VplSets>>,
-    vpl_rays: AtomicU64,
+    /// Which pass is in the making.
+    pass: u32,
+    /// Its virtual point lights.
+    vpls: VplSets,
 }
 
 impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
-    /// Prepares a frame; virtual point lights are made when the first region asks for them.
+    /// A frame that starts with its first pass.
     pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings) -> Self {
-        let vpls = (0..settings.samples).map(|_| OnceLock::new()).collect();
-        Self { view, settings, igi, vpls, vpl_rays: AtomicU64::new(0) }
+        let vpls = draw(view, settings, &igi, 0);
+        Self { view, settings, igi, pass: 0, vpls }
+    }
+
+    /// Goes on to another pass: draws its virtual point lights. Returns the number of rays.
+    pub fn start(&mut self, pass: u32) -> u64 {
+        if pass != self.pass {
+            (self.pass, self.vpls) = (pass, draw(self.view, self.settings, &self.igi, pass));
+        }
+        self.vpls.rays
     }
 
     /// The regions of a picture: as many pixels of every set in each as fill a tile.
@@ -108,45 +114,23 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         Region::cover_by(width, height, [16 * n, 16 * m]).collect()
     }
 
-    /// Renders a pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
+    /// Renders the pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
     /// number of rays is returned too.
-    pub fn render(&self, region: &Region, pass: u32, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
+    pub fn render(&self, region: &Region, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
         let [n, m] = self.igi.interleave;
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
-        let lighting = ByVpls::new(&groups, self.vpls(pass), max_edges, self.igi.compensate);
+        let lighting = ByVpls::new(&groups, &self.vpls, max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let traced = walk_sample(&mut walk, self.view, self.settings, region, pass, sums);
+        let traced = walk_sample(&mut walk, self.view, self.settings, region, self.pass, sums);
         let traced = traced + walk.lighting.traced();
         (walk.lighting.gathered, traced)
     }
 
-    /// Rays traced for virtual point lights so far.
-    pub fn vpl_rays(&self) -> u64 {
-        self.vpl_rays.load(Ordering::Relaxed)
-    }
-
-    fn vpls(&self, pass: u32) -> &VplSets {
-        self.vpls[pass as usize].get_or_init(|| {
-            let [n, m] = self.igi.interleave;
-            let plan = PathPlan {
-                sets: n * m,
-                paths: self.igi.paths,
-                pass,
-                seed: self.settings.seed,
-                max_bounces: self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES).saturating_sub(2),
-                clamp: self.igi.clamp,
-            };
-            let vpls = VplSets::new(self.view, &plan);
-            self.vpl_rays.fetch_add(vpls.rays, Ordering::Relaxed);
-            vpls
-        })
-    }
-
-    /// The light that a row of the picture has gathered in a pass, filtered if that was asked for. `gathered` is the whole
+    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for. `gathered` is the whole
     /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
-    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32, pass: u32) -> Vec<Vec3> {
-        let filtered = self.igi.filter && pass < FILTERED_PASSES;
+    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32) -> Vec<Vec3> {
+        let filtered = self.igi.filter && self.pass < FILTERED_PASSES;
         let window = Window {
             pixels: gathered,
             width,
@@ -156,4 +140,23 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         };
         (0..width).map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y)).collect()
     }
+}
+
+/// The virtual point lights of a pass.
+fn draw<Q: RayQuery + ?Sized>(
+    view: &View<'_, Q>,
+    settings: &Settings,
+    igi: &IgiSettings,
+    pass: u32,
+) -> VplSets {
+    let [n, m] = igi.interleave;
+    let plan = PathPlan {
+        sets: n * m,
+        paths: igi.paths,
+        pass,
+        seed: settings.seed,
+        max_bounces: settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES).saturating_sub(2),
+        clamp: igi.clamp,
+    };
+    VplSets::new(view, &plan)
 }

@@ -73,7 +73,8 @@ impl VplSets {
         for set in 0..plan.sets {
             for path in 0..plan.paths {
                 // Every set takes a block of the sequence, which is well distributed by itself.
-                let index = (plan.pass * plan.sets + set) * plan.paths + path;
+                let block = plan.pass.wrapping_mul(plan.sets).wrapping_add(set);
+                let index = block.wrapping_mul(plan.paths).wrapping_add(path);
                 walkers.extend(result.start(view, plan, set, index));
             }
         }
@@ -210,7 +211,8 @@ fn bound(sets: &[Vec<Vpl>], clamp: f32) -> f32 {
         power += patches.iter().map(|p| p.2).sum::<f32>();
         count += patches.len() as f32;
         if irradiances.len() < MOST {
-            irradiances.extend(patches.iter().map(|&(x, nx, _)| {
+            let step = patches.len() / MOST + 1;
+            irradiances.extend(patches.iter().step_by(step).map(|&(x, nx, _)| {
                 patches
                     .iter()
                     .map(|&(y, ny, radiance)| radiance * geometric_term((x, nx), (y, ny)))
