@@ -128,7 +128,7 @@ fn mirrors_and_gloss_see_the_same_light() {
         let object = scene.object("mirror", [(mesh, mirror)]);
         scene.instance(object, tilt);
         let mut engine = engine(scene, 2);
-        let request = request(24, IgiOptions { paths: 24, ..IgiOptions::default() });
+        let request = request(96, IgiOptions { paths: 24, ..IgiOptions::default() });
         let reference = reference(&mut engine, &request, 512);
         let frame = render(&mut engine, &request);
         let (a, b) = (mean_of(&frame, 28..32, 22..27), mean_of(&reference, 28..32, 22..27));

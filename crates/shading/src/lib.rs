@@ -17,6 +17,7 @@ mod filter;
 pub mod fresnel;
 #[cfg(test)]
 mod furnace;
+mod gather;
 pub mod lanes;
 mod light;
 mod lobe_set;
@@ -53,7 +54,7 @@ pub use placement::{Placement, ShadedPart, Sweep};
 pub use point::{Arrival, Points};
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
-pub use sampler::{Sampler, points};
+pub use sampler::{SamplePoints, Sampler, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
     Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,

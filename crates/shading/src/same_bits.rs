@@ -16,6 +16,7 @@ use crate::lobe_set::Selection;
 use crate::material::{InterfaceCache, SurfaceMaterial};
 use crate::packet::{Scattered, Scattering};
 use crate::receive::{Received, Taking};
+use crate::sampler::Sampler;
 use crate::sampling::uniform_sphere;
 use crate::shader::ShaderRegistry;
 use crate::surface::{LaneMode, ShadeScratch, Surfaces, shade};
@@ -23,7 +24,7 @@ use crate::texture::MipMap;
 
 /// Low-discrepancy numbers: set `i` of a sequence per purpose.
 fn numbers(i: usize, purpose: u32) -> [f32; 4] {
-    sobol_burley::sample_4d(i as u32, purpose, 7)
+    Sampler::along(i as u32, 7).set(purpose)
 }
 
 fn direction(i: usize, purpose: u32) -> Vec3 {
@@ -119,7 +120,7 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
     let mut texts: Vec<String> = (0..WIDTH).map(|lane| format!("{:?}", surfaces.lane(lane))).collect();
     for which in [Selection::ALL, Selection::up_to(0.25), Selection::above(0.25)] {
         surfaces.evaluate(&wi, which, WIDTH, &mut value);
-        surfaces.sample(&u, which, WIDTH, &mut sample);
+        surfaces.sample(u.each_ref(), which, WIDTH, &mut sample);
         texts.push(format!("{value:?} {sample:?}"));
     }
     let taking = Taking { bound: 2.0, gloss: Selection::above(0.25) };

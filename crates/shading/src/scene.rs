@@ -9,11 +9,12 @@ use heliostat_scene::{Light, SceneBounds};
 use crate::camera::Cone;
 use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
+use crate::gather::Reached;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
 use crate::packet::Illumination;
 use crate::placement::{Placement, ShadedPart};
-use crate::point::{Arrival, Met, Points};
+use crate::point::{Arrival, Met};
 use crate::sort::HitPacket;
 use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
 
@@ -60,6 +61,11 @@ impl ShadingScene {
     /// Chooses how shaders run; the default is packets of the best instruction set. No result depends on it.
     pub fn set_lane_mode(&mut self, mode: LaneMode) {
         self.mode = mode;
+    }
+
+    /// How shaders run.
+    pub fn lane_mode(&self) -> LaneMode {
+        self.mode
     }
 
     /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
@@ -156,31 +162,31 @@ impl ShadingScene {
     /// Shades the hits of a packet into the lanes of `surfaces`, in their order. `along` gives the ray of each hit.
     /// `scratch` is for inner use.
     pub fn shade<'a>(
-        &self,
+        &'a self,
         packet: &HitPacket<'_>,
-        along: impl Fn(usize) -> Arrival<'a>,
+        along: impl Fn(usize) -> Arrival<'a> + Copy,
         scratch: &mut ShadeScratch,
         surfaces: &mut Surfaces,
     ) {
-        for (lane, &index) in packet.hits.iter().enumerate() {
-            self.gather(lane, along(index as usize), &mut scratch.points);
-        }
         let material = &self.materials[packet.material as usize];
+        let reached = packet.hits.iter().map(|&index| self.reached(along(index as usize)));
+        scratch.points.gather(self.mode, material, reached, &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
 
-    fn gather(&self, lane: usize, arrival: Arrival<'_>, points: &mut Points) {
-        let (placement, part, material) = self.part(arrival.hit);
-        let moved = placement.at(arrival.ray.time);
-        points.set(lane, (moved.as_ref().unwrap_or(placement), part, material), arrival);
+    fn reached<'a>(&'a self, arrival: Arrival<'a>) -> Reached<'a> {
+        let (placement, part, _) = self.part(arrival.hit);
+        (arrival, placement, part)
     }
 
     /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
     pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface<f32> {
         let mut scratch = ShadeScratch::default();
         let mut surfaces = Surfaces::default();
-        self.gather(0, Arrival { hit, ray, cone, level: 1 }, &mut scratch.points);
-        shade(LaneMode::Single, self.part(hit).2, &mut scratch, 1, &mut surfaces);
+        let material = self.part(hit).2;
+        let reached = std::iter::once(self.reached(Arrival { hit, ray, cone, level: 1 }));
+        scratch.points.gather(LaneMode::Single, material, reached, &mut scratch.triangles);
+        shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
         surfaces.lane(0)
     }
 

@@ -2,7 +2,11 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
-use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surfaces, points};
+use heliostat_shading::lanes::WIDTH;
+use heliostat_shading::{
+    CameraRay, CameraRays, Cone, PixelFilter, Placement, SamplePoints, Sampler, ShadingScene, Surfaces,
+    halves,
+};
 
 /// What is looked at, and from where.
 #[derive(Debug)]
@@ -195,19 +199,30 @@ fn camera_samples<Q: RayQuery + ?Sized>(
     sample: u32,
 ) -> (Vec<CameraSample>, Vec<Hit>) {
     let u_aligned = aligned_point(sample);
-    let samples: Vec<CameraSample> = (0..)
-        .zip(region.pixels())
-        .map(|(pixel, (x, y))| {
-            let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
-            let (u_pixel, u_lens) = points(sampler.set(0));
+    let pinhole = view.camera.common_origin().is_some();
+    let mut samples = Vec::with_capacity(region.area());
+    let mut set = SamplePoints::default();
+    let pixels: Vec<(u32, u32)> = region.pixels().collect();
+    for pixels in pixels.chunks(WIDTH) {
+        let sampler = |&(x, y): &(u32, u32)| Sampler::new(x, y, settings.frame, settings.seed, sample);
+        // Pinholes whose pixels all put their samples at the same place need no numbers.
+        if !(settings.aligned && pinhole) {
+            for (lane, pixel) in pixels.iter().enumerate() {
+                set.ask(lane, &sampler(pixel), 0);
+            }
+            set.draw(view.scene.lane_mode(), pixels.len());
+        }
+        for (lane, pixel) in pixels.iter().enumerate() {
+            let (u_pixel, u_lens) = halves(set.get(lane));
             let u_filter = if settings.aligned { u_aligned } else { u_pixel };
-            let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
+            let at = Vec2::new(pixel.0 as f32, pixel.1 as f32) + 0.5 + settings.filter.sample(u_filter);
+            let sampler = sampler(pixel);
             let time = if view.moving { sampler.time() } else { 0.0 };
-            let ray = view.camera.ray(at, u_lens, time);
-            let cone = ray.cone;
-            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction).at_time(time), cone }
-        })
-        .collect();
+            let CameraRay { origin, direction, cone } = view.camera.ray(at, u_lens, time);
+            let ray = Ray::new(origin, direction).at_time(time);
+            samples.push(CameraSample { pixel: samples.len() as u32, sampler, ray, cone });
+        }
+    }
     let mut hits = vec![Hit::MISS; samples.len()];
     match view.camera.common_origin() {
         Some(origin) if !view.moving => {

@@ -4,7 +4,7 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH};
-use heliostat_shading::{Received, Surfaces, Taking};
+use heliostat_shading::{Received, SamplePoints, Surfaces, Taking};
 
 use super::Gathered;
 use super::residual::Residual;
@@ -34,7 +34,7 @@ pub(super) struct Block {
     /// Largest GGX α on the way from the eye.
     alphas: [f32; WIDTH],
     /// Sample points for the light that bounds take away.
-    pub(super) points: [[f32; 4]; WIDTH],
+    pub(super) points: SamplePoints,
     pub(super) irradiance: [Vec3; WIDTH],
     gloss: [Vec3; WIDTH],
 }
@@ -236,7 +236,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         usize::from(self.groups[pixel as usize])
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
         if !surfaces.may_have(DULL) {
             return;
         }
@@ -251,7 +251,10 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
-            block.points[lane] = ray.points(RESIDUAL_SLOT);
+            ray.ask(RESIDUAL_SLOT, lane, &mut block.points);
+        }
+        if self.compensate {
+            block.points.draw(view.scene.lane_mode(), block.count);
         }
         (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
     }

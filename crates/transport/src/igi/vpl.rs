@@ -7,7 +7,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::{Cone, EmittedRay, Selection, Source};
+use heliostat_shading::{Cone, EmittedRay, Sampler, Selection, Source};
 
 use crate::eye::DULL;
 use crate::region::View;
@@ -176,11 +176,9 @@ impl VplSets {
     }
 }
 
-/// Four numbers in [0, 1) for a vertex of a path: Owen-scrambled Sobol points (Burley 2020), the same for every frame so
-/// that still pictures stand still.
+/// Four numbers in [0, 1) for a vertex of a path, the same for every frame so that still pictures stand still.
 fn points(plan: &PathPlan, index: u32, vertex: u32) -> [f32; 4] {
-    let scramble = index >> 16;
-    sobol_burley::sample_4d(index & 0xffff, vertex % 64, plan.seed ^ scramble.wrapping_mul(0x9e37_79b9))
+    Sampler::along(index, plan.seed).set(vertex)
 }
 
 fn scaled(source: Source, share: f32) -> Source {
