@@ -196,6 +196,8 @@ fn light_kind(kind: &LightKind) -> &'static str {
         LightKind::Spot { .. } => "spot",
         LightKind::ConstantPoint { .. } => "point without fall-off",
         LightKind::Directional { .. } => "directional",
+        LightKind::Profile { .. } => "measured profile",
+        LightKind::Projector { .. } => "projector",
     }
 }
 
@@ -211,6 +213,8 @@ fn environment(environment: &Environment) -> String {
     match environment {
         Environment::None => "none".into(),
         Environment::Constant(radiance) => format!("constant {radiance}"),
+        Environment::Gradient(_) => "gradient".into(),
+        Environment::Sky(sky) => format!("clear sky of turbidity {}", sky.turbidity),
         Environment::Map(map) => format!("map {}×{}", map.image.width, map.image.height),
     }
 }

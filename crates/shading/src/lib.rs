@@ -17,6 +17,7 @@ mod filter;
 pub mod fresnel;
 #[cfg(test)]
 mod furnace;
+mod lamp;
 pub mod lanes;
 mod light;
 mod lobe_set;
@@ -34,6 +35,7 @@ mod sampler;
 pub mod sampling;
 mod scene;
 mod shader;
+mod sky;
 mod sort;
 mod surface;
 mod texture;
