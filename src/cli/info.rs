@@ -206,6 +206,8 @@ fn projection(camera: &Camera) -> String {
         Projection::Perspective { vertical_fov } => format!("perspective {:.1}°", vertical_fov.to_degrees()),
         Projection::Orthographic { height } => format!("orthographic {height} m"),
         Projection::Panoramic => "panoramic".into(),
+        Projection::FisheyeEquidistant { fov } => format!("equidistant fisheye {:.1}°", fov.to_degrees()),
+        Projection::FisheyeEquisolid { fov } => format!("equisolid fisheye {:.1}°", fov.to_degrees()),
     }
 }
 

@@ -47,7 +47,7 @@ mod timeline;
 pub use apply::Applied;
 pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
-pub use camera::{Camera, Lens, Projection};
+pub use camera::{Camera, Lens, Projection, Stereo, StereoView};
 pub use edit::{Edit, EditError, Target};
 pub use environment::{Environment, EnvironmentMap, Gradient, Sky};
 pub use frame::{Filter, Frame, FrameRequest, FrameStats, IgiOptions, MaterialOverride, Plane, PlaneData};

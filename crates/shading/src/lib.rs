@@ -42,7 +42,7 @@ mod texture;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone};
+pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;

@@ -62,6 +62,11 @@ impl ShadingScene {
         self.mode = mode;
     }
 
+    /// How shaders run.
+    pub fn lane_mode(&self) -> LaneMode {
+        self.mode
+    }
+
     /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
     /// infinitely far away. Costs what there are of them.
     pub fn relight<'a>(

@@ -2,7 +2,11 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
-use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surfaces, points};
+use heliostat_shading::lanes::WIDTH;
+use heliostat_shading::{
+    CameraRays, Cone, PicturePoints, PixelFilter, Placement, RayPacket, Sampler, ShadingScene, Surfaces,
+    points as points_of,
+};
 
 /// What is looked at, and from where.
 #[derive(Debug)]
@@ -195,19 +199,33 @@ fn camera_samples<Q: RayQuery + ?Sized>(
     sample: u32,
 ) -> (Vec<CameraSample>, Vec<Hit>) {
     let u_aligned = aligned_point(sample);
-    let samples: Vec<CameraSample> = (0..)
-        .zip(region.pixels())
-        .map(|(pixel, (x, y))| {
+    let mut samples = Vec::with_capacity(region.area());
+    let mut points = PicturePoints::default();
+    let mut rays = RayPacket::default();
+    let mut pixels = (0..).zip(region.pixels());
+    loop {
+        let first = samples.len();
+        for ((pixel, (x, y)), lane) in pixels.by_ref().take(WIDTH).zip(0..) {
             let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
-            let (u_pixel, u_lens) = points(sampler.set(0));
+            let (u_pixel, u_lens) = points_of(sampler.set(0));
             let u_filter = if settings.aligned { u_aligned } else { u_pixel };
             let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
             let time = if view.moving { sampler.time() } else { 0.0 };
-            let ray = view.camera.ray(at, u_lens, time);
-            let cone = ray.cone;
-            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction).at_time(time), cone }
-        })
-        .collect();
+            (points.pixel[0].0[lane], points.pixel[1].0[lane]) = (at.x, at.y);
+            (points.lens[0].0[lane], points.lens[1].0[lane]) = (u_lens.x, u_lens.y);
+            points.time.0[lane] = time;
+            let ray = Ray::new(Vec3::ZERO, Vec3::ZERO).at_time(time);
+            samples.push(CameraSample { pixel, sampler, ray, cone: view.camera.cone() });
+        }
+        let count = samples.len() - first;
+        if count == 0 {
+            break;
+        }
+        view.camera.rays(view.scene.lane_mode(), &points, count, &mut rays);
+        for (lane, sample) in samples[first..].iter_mut().enumerate() {
+            (sample.ray.origin, sample.ray.direction) = (rays.origin.get(lane), rays.direction.get(lane));
+        }
+    }
     let mut hits = vec![Hit::MISS; samples.len()];
     match view.camera.common_origin() {
         Some(origin) if !view.moving => {

@@ -37,7 +37,7 @@ impl Loader<'_, '_> {
         let in_range = match projection {
             Projection::Perspective { vertical_fov } => (1e-4..PI).contains(&vertical_fov),
             Projection::Orthographic { height } => height.is_finite() && height > 0.0,
-            Projection::Panoramic => true,
+            _ => true,
         };
         let Some(world_from_camera) = without_scale(forest.world[node]).filter(|_| in_range) else {
             let message = "the camera's field of view or its node's transform is degenerate; it was left out";
@@ -53,7 +53,7 @@ impl Loader<'_, '_> {
             );
         }
         let name = camera.name.as_deref().or(name).map_or_else(|| format!("camera {index}"), str::to_owned);
-        let camera = Camera { name, world_from_camera, motion: None, projection, lens: None };
+        let camera = Camera { name, world_from_camera, motion: None, projection, lens: None, stereo: None };
         self.stage.cameras.push((self.builder.camera(camera.clone()), camera, node));
         Ok(())
     }
