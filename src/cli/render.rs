@@ -13,7 +13,7 @@ use heliostat::lighting;
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
-    MaterialOverride, Plane, RebuildKind, Scene,
+    MaterialOverride, Plane, RebuildKind, Scene, Sky,
 };
 use heliostat::shading::ShaderRegistry;
 use serde_json::{Value, json};
@@ -95,9 +95,13 @@ pub(super) struct Arguments {
     /// object and instance identifiers are those of the merged objects
     #[arg(long)]
     group: bool,
-    /// Replaces the scene's environment: a picture, a colour, or `none`
-    #[arg(long, value_name = "FILE|R,G,B|none", allow_hyphen_values = true)]
+    /// Replaces the scene's environment: a picture, a colour, a gradient of three (up, horizon, down), or `none`
+    #[arg(long, value_name = "FILE|R,G,B|UP/HORIZON/DOWN|none", allow_hyphen_values = true)]
     environment: Option<Surroundings>,
+    /// Replaces the scene's environment by a clear sky with the sun: haze (1.7 to 10), and where the sun stands in degrees
+    /// above the horizon and from −Z towards +X
+    #[arg(long, value_name = "TURBIDITY,ELEVATION,AZIMUTH", value_parser = values::sky, conflicts_with = "environment", allow_hyphen_values = true)]
+    sky: Option<Sky>,
     /// Leave a scene without any light dark
     #[arg(long)]
     no_default_light: bool,
@@ -196,6 +200,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     input::show(&source.diagnostics);
     let mut edits = source.edits;
     edits.extend(environment(arguments.environment.as_ref())?);
+    edits.extend(arguments.sky.map(|sky| Edit::Environment(Environment::Sky(sky))));
     let mut scene = Scene::default();
     scene.apply(&edits)?;
     if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
@@ -354,6 +359,7 @@ fn environment(surroundings: Option<&Surroundings>) -> Result<Option<Edit>, Fail
         None => None,
         Some(Surroundings::None) => Some(Edit::Environment(Environment::None)),
         Some(Surroundings::Constant(radiance)) => Some(Edit::Environment(Environment::Constant(*radiance))),
+        Some(Surroundings::Gradient(gradient)) => Some(Edit::Environment(Environment::Gradient(*gradient))),
         Some(Surroundings::File(path)) => Some(Edit::Environment(environment_map(path)?)),
     })
 }

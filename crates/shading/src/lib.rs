@@ -18,6 +18,7 @@ pub mod fresnel;
 #[cfg(test)]
 mod furnace;
 mod gather;
+mod lamp;
 pub mod lanes;
 mod light;
 mod lobe_set;
@@ -35,13 +36,14 @@ mod sampler;
 pub mod sampling;
 mod scene;
 mod shader;
+mod sky;
 mod sort;
 mod surface;
 mod texture;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone};
+pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;

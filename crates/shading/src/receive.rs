@@ -61,9 +61,11 @@ impl Source {
     pub fn origin(&self) -> Option<Vec3> {
         match *self {
             Self::Patch { position, error, normal, .. } => Some(position + normal * error),
-            Self::Light { kind, .. } => match kind {
+            Self::Light { ref kind, .. } => match *kind {
                 LightKind::Point { position, .. }
                 | LightKind::Spot { position, .. }
+                | LightKind::Profile { position, .. }
+                | LightKind::Projector { position, .. }
                 | LightKind::ConstantPoint { position, .. } => Some(position),
                 LightKind::Directional { .. } => None,
             },

@@ -77,7 +77,7 @@ impl ShadingScene {
         bounds: Option<SceneBounds>,
     ) {
         self.bounds = bounds;
-        self.lights = Lights::new(self.tables(), &self.emissive, lights, environment, bounds);
+        self.lights = Lights::new(&self.lights, self.tables(), &self.emissive, lights, environment, bounds);
     }
 
     /// The placements by path, to be moved: neither their number nor their parts may change. Copies them if another scene

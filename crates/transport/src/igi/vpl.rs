@@ -20,7 +20,7 @@ const ROULETTE_FROM: u32 = 1;
 const MAX_PASSED: u32 = 64;
 
 /// A source of light that many points share: on a light (bounce 0) or on a surface that light has reached.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Vpl {
     /// What it sends, divided by the number of paths.
     pub(crate) source: Source,
