@@ -88,6 +88,9 @@ pub(super) struct Arguments {
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]
     no_compensation: bool,
+    /// Photons that bring the light which mirrors and glass throw on other surfaces, for `igi`; 0 leaves it out
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1 << 20))]
+    photons: u32,
     /// Show materials as they are, or all as diffuse
     #[arg(long, default_value = "as-is")]
     materials: Materials,
@@ -347,6 +350,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             filter: !arguments.no_filter,
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
+            photons: arguments.photons,
         },
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)

@@ -30,6 +30,7 @@ mod placement;
 mod point;
 mod quadric;
 mod receive;
+mod reflectors;
 #[cfg(test)]
 mod same_bits;
 mod sampler;
@@ -56,6 +57,7 @@ pub use placement::{Placement, ShadedPart, Sweep};
 pub use point::{Arrival, Points};
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
+pub use reflectors::{Reflector, Reflectors};
 pub use sampler::{SamplePoints, Sampler, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{

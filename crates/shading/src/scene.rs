@@ -15,6 +15,7 @@ use crate::material::SurfaceMaterial;
 use crate::packet::Illumination;
 use crate::placement::{Placement, ShadedPart};
 use crate::point::{Arrival, Met};
+use crate::reflectors::Reflectors;
 use crate::sort::HitPacket;
 use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
 
@@ -121,6 +122,11 @@ impl ShadingScene {
     /// The materials by their index.
     pub fn materials(&self) -> &[SurfaceMaterial] {
         &self.materials
+    }
+
+    /// The parts that have lobes of a roughness (perceptual, the square root of GGX α) of at most `sharp`.
+    pub fn reflectors(&self, sharp: f32) -> Reflectors {
+        Reflectors::new(self.tables(), sharp)
     }
 
     /// All lights.

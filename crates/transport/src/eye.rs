@@ -24,7 +24,7 @@ const DEFAULT_MAX_EDGES: u32 = 12;
 /// Rays of less weight are dropped.
 const LEAST_WEIGHT: f32 = 1.0 / 512.0;
 /// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
-const MIRROR_ALPHA: f32 = 0.25;
+pub(crate) const MIRROR_ALPHA: f32 = 0.25;
 /// The lobes that do.
 pub(crate) const MIRRORS: Selection = Selection::up_to(MIRROR_ALPHA);
 /// The lobes that are lit by sampled lights alone.

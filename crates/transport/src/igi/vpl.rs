@@ -29,7 +29,7 @@ pub(crate) struct Vpl {
 }
 
 /// The virtual point lights of one pass, a set for every pixel of the interleaving pattern.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct VplSets {
     pub(crate) sets: Vec<Vec<Vpl>>,
     /// Largest geometric term that a patch may have, 1/m².
