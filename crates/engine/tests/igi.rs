@@ -149,7 +149,7 @@ fn photons_bring_the_light_of_mirrors_and_glass() {
         let options = IgiOptions { paths: 24, filter: false, ..IgiOptions::default() };
         let reference = reference(&mut engine, &request(1, options), 512);
         let all = |frame: &Frame| mean_of(frame, 0..60, 16..60);
-        let frame = render(&mut engine, &request(16, options));
+        let frame = render(&mut engine, &request(24, options));
         assert_close(all(&frame), all(&reference), 0.015, name);
         let without = render(&mut engine, &request(16, IgiOptions { photons: 0, ..options }));
         assert!(all(&without).y < (1.0 - share) * all(&reference).y, "{name}: {}", all(&without));
