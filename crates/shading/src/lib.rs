@@ -25,6 +25,7 @@ mod lobes;
 mod material;
 pub mod microfacet;
 mod packet;
+pub mod pixel;
 mod placement;
 mod point;
 mod quadric;
