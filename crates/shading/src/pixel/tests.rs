@@ -8,7 +8,7 @@ use super::{PixelFrame, PixelRegistry, filmic};
 use crate::color::luminance;
 use crate::surface::LaneMode;
 
-/// A picture with a bright spot, a step in depth and a crease.
+/// A picture with a bright spot, a large and a small step in depth, a sharp and a gentle crease.
 struct Picture {
     color: Vec<Vec3>,
     depth: Vec<f32>,
@@ -25,10 +25,15 @@ impl Picture {
             |i| Vec3::new(at(i).0 * 0.02, 0.3 + 0.01 * at(i).1, 0.1).powf(if i == 40 { -3.0 } else { 1.0 });
         let depth = |i| match at(i).0 {
             x if x < 10.0 => 2.0 + 0.1 * x,
-            x if x < 30.0 => 8.0,
+            x if x < 25.0 => 8.0,
+            x if x < 30.0 => 8.5,
             _ => 0.0,
         };
-        let normal = |i| if at(i).1 < 4.0 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
+        let normal = |i| match at(i).1 {
+            y if y < 4.0 => [0.0, 0.0, 1.0],
+            y if y < 7.0 => [0.0, 1.0, 0.0],
+            _ => [0.0, 0.9, 0.4],
+        };
         let pixels = || 0..width * height;
         Self {
             color: pixels().map(color).collect(),
