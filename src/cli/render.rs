@@ -13,9 +13,10 @@ use heliostat::lighting;
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
-    MaterialOverride, Plane, RebuildKind, Scene, Sky,
+    MaterialOverride, Plane, RebuildKind, Scene, ShaderUse, Sky,
 };
 use heliostat::shading::ShaderRegistry;
+use heliostat::shading::pixel::{BoundPixelShader, PixelRegistry};
 use serde_json::{Value, json};
 
 use super::failure::Failure;
@@ -61,6 +62,13 @@ pub(super) struct Arguments {
     /// Stops by which a .png is brightened, or `auto`: as suits the first frame
     #[arg(long, value_name = "EV", default_value = "auto", allow_hyphen_values = true)]
     exposure: Exposure,
+    /// Tone curve of a .png: aces, agx, clip, filmic, reinhard[:white=W]; `clip` after a --pixel that answers in colours
+    /// [default: filmic]
+    #[arg(long, value_name = "NAME[:PARAMETER=VALUE,…]", value_parser = values::shader)]
+    tone: Option<ShaderUse>,
+    /// Pixel shaders that the picture goes through in this order: edges, exposure, heat, vignette, or a tone curve
+    #[arg(long, value_name = "NAME[:PARAMETER=VALUE,…]", value_parser = values::shader)]
+    pixel: Vec<ShaderUse>,
     /// Auxiliary planes: into the same file for .exr, else beside it as FILE.NAME.png
     #[arg(long, value_name = "NAME", value_enum, num_args = 1.., value_delimiter = ',')]
     aov: Vec<Aov>,
@@ -218,7 +226,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         size: arguments.size,
     };
     let animate = arguments.sequence.animate.as_deref();
-    let mut pictures = Pictures::new(&arguments.output, animate, arguments.exposure, &expected)?;
+    let (curve, exposure) = tone(arguments)?;
+    let mut pictures = Pictures::new(&arguments.output, animate, exposure, curve, &expected)?;
     if arguments.group {
         let mut scene = Scene::default();
         scene.apply(&edits)?;
@@ -232,6 +241,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         console::message(&format!("wrote {}: {frames} frames, {rate} per second", file.display()));
     }
     Ok(())
+}
+
+/// The tone curve and the exposure of 8-bit pictures: what a pixel shader has made for a display is left as it is.
+fn tone(arguments: &Arguments) -> Result<(BoundPixelShader, Exposure), Failure> {
+    let shaders = PixelRegistry::built_in();
+    let bind = |wanted: &ShaderUse| shaders.bind(wanted).map_err(|problem| Failure::usage(problem.0));
+    let mut shown = false;
+    for wanted in &arguments.pixel {
+        shown = bind(wanted)?.info().for_display;
+    }
+    let default = ShaderUse::named(if shown { "clip" } else { "filmic" });
+    let curve = bind(arguments.tone.as_ref().unwrap_or(&default))?;
+    let info = curve.info();
+    if !info.for_display {
+        let help = "tone curves are aces, agx, clip, filmic and reinhard; give others with --pixel";
+        return Err(Failure::usage(format!("`{}` is no tone curve", info.name)).with_help(help));
+    }
+    let exposure = match arguments.exposure {
+        Exposure::Auto if shown => Exposure::Ev(0.0),
+        exposure => exposure,
+    };
+    Ok((curve, exposure))
 }
 
 /// Builds the scene as it is in the first frame.
@@ -352,6 +383,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             compensate: !arguments.no_compensation,
             photons: arguments.photons,
         },
+        pixel_shaders: arguments.pixel.clone(),
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)
     }
