@@ -27,7 +27,6 @@ mod engine;
 mod film;
 mod meter;
 mod queue;
-pub mod tone;
 
 pub use engine::{Accelerator, Engine, EngineOptions};
-pub use heliostat_shading::{LaneMode, ShaderRegistry};
+pub use heliostat_shading::{LaneMode, ShaderRegistry, tone};

@@ -37,6 +37,7 @@ mod shader;
 mod sort;
 mod surface;
 mod texture;
+pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
