@@ -221,13 +221,13 @@ mod tests {
         for mode in [GizmoMode::Move, GizmoMode::Rotate, GizmoMode::Scale] {
             let gizmo = Gizmo { mode, origin };
             let length = gizmo.length(&camera, 1.5).expect("before the camera");
-            for axis in 0..3 {
+            for (axis, way) in AXES.into_iter().enumerate() {
                 let handle = gizmo.handle(axis, length);
                 // A place on the handle that no other one crosses.
                 let from = handle[handle.len() / 5 * 2 + usize::from(handle.len() == 2)];
                 let to = match mode {
-                    GizmoMode::Move | GizmoMode::Scale => from + 0.5 * length * AXES[axis],
-                    GizmoMode::Rotate => origin + Quat::from_axis_angle(AXES[axis], 0.7) * (from - origin),
+                    GizmoMode::Move | GizmoMode::Scale => from + 0.5 * length * way,
+                    GizmoMode::Rotate => origin + Quat::from_axis_angle(way, 0.7) * (from - origin),
                 };
                 let at = |p| project(&camera, p, 1.5).expect("before the camera");
                 let drag = gizmo.grasp(&camera, at(from), 1.5).expect("a handle");

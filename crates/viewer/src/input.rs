@@ -200,7 +200,7 @@ const MAX_NUMBER: f64 = 1e9;
 impl Input {
     /// What is out of range, if anything; numbers in changes are checked by the scene itself.
     pub fn problem(&self) -> Option<String> {
-        let number = |n: f64| (!(n.abs() <= MAX_NUMBER)).then(|| format!("{n} is out of range"));
+        let number = |n: f64| (n.is_nan() || n.abs() > MAX_NUMBER).then(|| format!("{n} is out of range"));
         let numbers = |list: &[f32]| list.iter().find_map(|&n| number(n.into()));
         let text = |text: &str| (text.len() > MAX_TEXT).then(|| format!("a text of {} bytes", text.len()));
         match self {

@@ -26,6 +26,7 @@ mod session_tests;
 mod stage;
 mod state;
 mod stats;
+mod web;
 mod worker;
 
 pub use change::{Change, Lamp, Look, Surroundings};
@@ -39,3 +40,4 @@ pub use replay::{Key, Replay, Timed};
 pub use session::{News, Session, SessionOptions};
 pub use state::{LightState, Loading, Message, SceneState, Selected, State, Thing};
 pub use stats::Stats;
+pub use web::{ServeOptions, Server};
