@@ -7,6 +7,7 @@ mod camera;
 mod compare;
 mod console;
 mod failure;
+mod host;
 mod info;
 mod input;
 mod output;
@@ -40,9 +41,9 @@ enum Command {
     Compare(compare::Arguments),
     /// List the built-in scenes, which every command takes by name
     Scenes(scenes::Arguments),
-    /// Show a scene in a window (not built yet)
+    /// Show a scene in a window and change it; without a display on a web page
     View(view::Arguments),
-    /// Show a scene on a web page (not built yet)
+    /// Show a scene on a web page and change it
     Serve(view::ServeArguments),
 }
 
@@ -51,7 +52,7 @@ pub(crate) fn run() -> ExitCode {
     let arguments = Arguments::parse();
     console::watch_for_interrupt();
     let result = match arguments.command {
-        None => view::run(&view::Arguments::default()),
+        None => view::run_default(),
         Some(Command::Render(arguments)) => render::run(&arguments),
         Some(Command::Info(arguments)) => info::run(&arguments),
         Some(Command::Compare(arguments)) => compare::run(&arguments),

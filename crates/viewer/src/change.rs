@@ -295,6 +295,17 @@ impl Lamp {
         }
     }
 
+    /// The same light, so many times as bright.
+    pub fn times(mut self, factor: f32) -> Self {
+        match &mut self {
+            Self::Point { intensity: power, .. }
+            | Self::Spot { intensity: power, .. }
+            | Self::ConstantPoint { irradiance: power, .. }
+            | Self::Directional { irradiance: power, .. } => *power = power.map(|value| value * factor),
+        }
+        self
+    }
+
     /// The same light elsewhere; lights at infinity stay.
     pub fn at(mut self, place: Vec3) -> Self {
         match &mut self {

@@ -27,6 +27,7 @@ mod stage;
 mod state;
 mod stats;
 mod web;
+mod window;
 mod worker;
 
 pub use change::{Change, Lamp, Look, Surroundings};
@@ -41,3 +42,4 @@ pub use session::{News, Session, SessionOptions};
 pub use state::{LightState, Loading, Message, SceneState, Selected, State, Thing};
 pub use stats::Stats;
 pub use web::{ServeOptions, Server};
+pub use window::{WindowError, WindowOptions, show_window};

@@ -221,7 +221,7 @@ fn answer(kind: &'static str, body: impl IntoResponse) -> Response {
         (header::REFERRER_POLICY, "no-referrer"),
         (
             header::CONTENT_SECURITY_POLICY,
-            "default-src 'self'; img-src 'self' blob:; connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'none'",
+            "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'none'",
         ),
         (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     ];
