@@ -12,6 +12,7 @@ mod info;
 mod input;
 mod output;
 mod pictures;
+mod playback;
 mod render;
 mod scenes;
 mod sequence;
@@ -53,7 +54,7 @@ pub(crate) fn run() -> ExitCode {
     console::watch_for_interrupt();
     let result = match arguments.command {
         None => view::run_default(),
-        Some(Command::Render(arguments)) => render::run(&arguments),
+        Some(Command::Render(arguments)) => render::run(*arguments),
         Some(Command::Info(arguments)) => info::run(&arguments),
         Some(Command::Compare(arguments)) => compare::run(&arguments),
         Some(Command::Scenes(arguments)) => scenes::run(&arguments),

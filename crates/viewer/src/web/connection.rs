@@ -15,7 +15,7 @@ use crate::session::locked;
 /// Pictures on their way at once.
 const IN_FLIGHT: usize = 2;
 /// A browser that says nothing for so long, not even in answer to a ping, is gone.
-const PATIENCE: Duration = Duration::from_secs(4);
+const PATIENCE: Duration = Duration::from_millis(3500);
 /// Messages per second, and how many at once.
 const RATE: f64 = 500.0;
 const BURST: f64 = 1000.0;
