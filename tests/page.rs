@@ -141,7 +141,8 @@ fn two_browsers_share_a_session_and_a_phone_is_large_enough() {
     second.value(&format!("window.before = {view}"));
     second.wait("heliostat.header.view !== before");
     wait_for_still(&second);
-    let distance = |tab: &Tab<'_>| tab.value("+heliostat.header.view.split(',')[7]").as_f64().expect("a number");
+    let distance =
+        |tab: &Tab<'_>| tab.value("+heliostat.header.view.split(',')[7]").as_f64().expect("a number");
     let far = distance(&second);
     let pinch = |x: f64| [on_page(&second, 0.5 - x, 0.5), on_page(&second, 0.5 + x, 0.5)];
     second.fingers(&pinch(0.1), &pinch(0.3));
@@ -188,7 +189,10 @@ fn the_page_comes_back_after_the_server_and_opens_dropped_files() {
     tab.wait("document.querySelector('#messages .error')?.textContent.includes('broken.glb')");
     assert_eq!(tab.value("heliostat.state.title"), "triangle.obj");
     tab.screenshot("13-broken");
-    tab.call("Emulation.setEmulatedMedia", json!({"features": [{"name": "prefers-color-scheme", "value": "dark"}]}));
+    tab.call(
+        "Emulation.setEmulatedMedia",
+        json!({"features": [{"name": "prefers-color-scheme", "value": "dark"}]}),
+    );
     tab.screenshot("14-dark");
 }
 

@@ -85,7 +85,9 @@ fn ten_thousand_malformed_messages_are_refused_and_the_server_lives() {
             let said = match random(7) {
                 0 => client.say_bytes((0..length).map(|_| random(256) as u8).collect()),
                 1 => client.say(&"[".repeat(60_000)),
-                2 => client.say(&format!(r#"{{"input":{{"do":"zoom","steps":{}}}}}"#, "9".repeat(length + 20))),
+                2 => {
+                    client.say(&format!(r#"{{"input":{{"do":"zoom","steps":{}}}}}"#, "9".repeat(length + 20)))
+                }
                 3 => client.say(r#"{"input":{"do":"open","path":"/etc/passwd"}}"#),
                 4 => client.say(r#"{"input":{"do":"view","text":7},"number":-1}"#),
                 5 => client.say(&"\u{FFFD}x\"{".repeat(length)),
@@ -164,7 +166,10 @@ fn watchers_change_nothing_and_files_go_to_memory_only() {
     assert_eq!(upload(&holder.key, "..%2F..%2Fetc%2Fpasswd.obj", sly, ""), 202);
     holder.wait("the scene", |c| c.state["title"] == "passwd.obj");
     let messages = holder.state["messages"].to_string();
-    assert!(messages.contains("mtllib") || messages.contains("/etc/passwd"), "a warning tells so: {messages}");
+    assert!(
+        messages.contains("mtllib") || messages.contains("/etc/passwd"),
+        "a warning tells so: {messages}"
+    );
     holder.picture("a picture of it", |p| p.is("still"));
 
     let (status, png) = served.get("/picture.png");
@@ -213,7 +218,7 @@ fn soak() {
         }
         let share = |n: u64| n as f64 / 100.0;
         let point = [share(random(100)), share(random(100))];
-        let names = ["path", "direct", "igi", "cast"];
+        let (names, modes) = (["path", "direct", "igi", "cast"], ["orbit", "fly", "walk"]);
         let action = match random(18) {
             0 => json!({"do": "pointer", "phase": "down", "at": point}),
             1..=3 => json!({"do": "pointer", "phase": "move", "at": point}),
@@ -222,14 +227,16 @@ fn soak() {
             6 => json!({"do": "drive", "way": [share(random(100)), 0.0, share(random(100))]}),
             7 => json!({"do": "home"}),
             8 => json!({"do": "renderer", "name": names[random(4) as usize]}),
-            9 => json!({"do": "mode", "mode": ["orbit", "fly", "walk"][random(3) as usize]}),
+            9 => json!({"do": "mode", "mode": modes[random(3) as usize]}),
             10 => json!({"do": "play", "playing": random(2) == 0}),
             11 => json!({"do": "seek", "time": share(random(400))}),
             12 => json!({"do": "undo"}),
             13 => json!({"do": "redo"}),
             14 => json!({"do": "size", "width": 100 + random(200), "height": 80 + random(150)}),
             15 => json!({"do": "show", "plane": if random(3) == 0 { json!("normal") } else { json!(null) }}),
-            16 => json!({"do": "change", "gesture": random(9), "change": {"kind": "show", "instance": random(9), "visible": random(4) > 0}}),
+            16 => {
+                json!({"do": "change", "gesture": random(9), "change": {"kind": "show", "instance": random(9), "visible": random(4) > 0}})
+            }
             _ => json!({"do": "gizmo", "mode": "rotate"}),
         };
         clients[who].input(action);

@@ -53,7 +53,12 @@ impl Playback {
     ///
     /// # Errors
     /// When this is not the scene in which it was changed.
-    pub(super) fn changes(&mut self, at: f64, scene: &Scene, own: &Environment) -> Result<Vec<Edit>, Failure> {
+    pub(super) fn changes(
+        &mut self,
+        at: f64,
+        scene: &Scene,
+        own: &Environment,
+    ) -> Result<Vec<Edit>, Failure> {
         let edits = self.replay.edits(scene, own, self.done, at);
         self.done = Some(at);
         edits.map_err(|refusal| {

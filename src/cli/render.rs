@@ -253,7 +253,8 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
         size: arguments.size(),
     };
     let animate = arguments.sequence.animate.as_deref();
-    let mut pictures = Pictures::new(&arguments.output, animate, arguments.exposure.unwrap_or(Exposure::Auto), &expected)?;
+    let mut pictures =
+        Pictures::new(&arguments.output, animate, arguments.exposure.unwrap_or(Exposure::Auto), &expected)?;
     if arguments.group {
         let mut scene = Scene::default();
         scene.apply(&edits)?;

@@ -211,7 +211,8 @@ mod tests {
         assert!(remark(&Arguments { time: Some(5.0), ..arguments() }).is_some());
         let still = Sequence::new(&arguments(), Timeline::default(), None).expect("no clip is asked for");
         assert!(still.remark(false).is_none() && still.remark(true).is_some());
-        let none = Sequence::new(&Arguments { clip: Some("x".into()), ..arguments() }, Timeline::default(), None);
+        let none =
+            Sequence::new(&Arguments { clip: Some("x".into()), ..arguments() }, Timeline::default(), None);
         assert!(none.is_err());
     }
 }

@@ -41,7 +41,10 @@ pub(crate) fn chromium() -> Option<PathBuf> {
     found().or_else(|| {
         super::install("chromium");
         let installed = found();
-        assert!(installed.is_some() || wanted != "required", "Chromium is missing and could not be installed");
+        assert!(
+            installed.is_some() || wanted != "required",
+            "Chromium is missing and could not be installed"
+        );
         if installed.is_none() {
             eprintln!("NOT RUN: the tests of the page need Chromium; install Debian's package `chromium`");
         }
@@ -52,7 +55,8 @@ pub(crate) fn chromium() -> Option<PathBuf> {
 impl Browser {
     /// Starts a browser with a profile of its own.
     pub(crate) fn start(program: &Path, name: &str) -> Self {
-        let profile = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{name}-{}", std::process::id()));
+        let profile =
+            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{name}-{}", std::process::id()));
         _ = std::fs::remove_dir_all(&profile);
         let mut command = Command::new(program);
         command
@@ -145,7 +149,8 @@ impl Tab<'_> {
 
     fn mouse(&self, kind: &str, [x, y]: [f64; 2], button: &str) {
         let buttons = u32::from(kind != "mouseReleased");
-        let event = json!({"type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1});
+        let event =
+            json!({"type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1});
         self.call("Input.dispatchMouseEvent", event);
     }
 
