@@ -204,8 +204,8 @@ fn the_atrium_by_evening_greets_new_users() {
     let browser = Browser::start(&program, "readme");
     let tab = browser.open(&served.url, 960, 600);
     // Something is said while it is opened.
-    tab.wait("window.heliostat?.state?.loading || heliostat.pictures > 0");
-    tab.wait("heliostat.pictures > 3 && heliostat.header.time > 0.1");
+    tab.wait("window.heliostat?.state?.loading || window.heliostat?.pictures > 0");
+    tab.wait("window.heliostat?.pictures > 3 && heliostat.header.time > 0.1");
     tab.value("document.getElementById('play').click()");
     tab.wait("heliostat.state.scene.playing === false");
     tab.value("(() => { const t = document.getElementById('time'); t.value = 3.5; t.dispatchEvent(new Event('input')); })()");
