@@ -1,5 +1,7 @@
 //! The page's server without a browser: speed, sharing, limits, and what it makes of those who mean it ill.
 
+#![expect(clippy::print_stdout, reason = "figures are for those who ask for them")]
+
 mod viewing;
 
 use std::time::{Duration, Instant};
@@ -25,36 +27,44 @@ fn the_first_state_comes_at_once_and_the_first_picture_after_it() {
     assert_eq!(&best.bytes[1..4], b"PNG");
 }
 
-/// The rate of pictures that arrive is the rate at which the engine makes them, and what one does is seen soon.
-#[test]
-fn pictures_are_streamed_as_fast_as_they_are_made() {
-    let served = Served::start("cornell --listen 127.0.0.1:0");
+/// What streaming a scene costs.
+struct Figures {
+    /// Pictures that arrived, of those that were made.
+    arrived: f64,
+    /// Pictures per second that arrived, of those that the engine alone would make.
+    of_engine: f64,
+    /// Medians, milliseconds: rendering, packing, and from an input to the picture that shows it.
+    frame: f64,
+    encode: f64,
+    latency: f64,
+}
+
+fn stream(scene: &str, [width, height]: [u32; 2], seconds: u64) -> Figures {
+    let served = Served::start(&format!("{scene} --listen 127.0.0.1:0"));
     let mut client = Client::connect(&served);
     client.picture("a picture", |_| true);
     for input in [
         json!({"do": "play", "playing": false}),
         json!({"do": "goal", "frames_per_second": null}),
-        json!({"do": "size", "width": 320, "height": 240}),
+        json!({"do": "size", "width": width, "height": height}),
         // A key that is held moves the view all the time.
         json!({"do": "mode", "mode": "fly"}),
         json!({"do": "drive", "way": [0.02, 0.0, 0.0]}),
     ] {
         client.input(input);
     }
-    client.picture("movement", |p| !p.is("still") && p.number("width") == 320.0);
+    client.picture("movement", |p| !p.is("still") && p.number("width") == f64::from(width));
     let (mut shown, start) = (Vec::new(), Instant::now());
-    while start.elapsed() < Duration::from_secs(4) {
+    while start.elapsed() < Duration::from_secs(seconds) {
         shown.extend(client.hear().expect("a connection"));
     }
-    let made = shown.last().expect("pictures").number("number") - shown[0].number("number");
-    let ratio = (shown.len() - 1) as f64 / made.max(1.0);
-    let encode = median(shown.iter().map(|p| p.number("encode")).collect());
-    println!("{} of {made} pictures arrived; {encode:.2} ms to pack one", shown.len() - 1);
-    assert!(ratio >= 0.9, "{ratio}");
+    let (first, last) = (&shown[0], shown.last().expect("pictures"));
+    let count = (shown.len() - 1) as f64;
+    let renders: Vec<f64> = shown.iter().map(|p| p.header["stats"]["render"].as_f64().expect("ms")).collect();
+    let mean = renders[1..].iter().sum::<f64>() / count;
+    let frame = median(renders);
 
-    // From an input to the picture that shows it.
     client.input(json!({"do": "drive", "way": [0.0, 0.0, 0.0]}));
-    let frame = median(shown.iter().map(|p| p.header["stats"]["render"].as_f64().expect("ms")).collect());
     let mut latencies = Vec::new();
     for i in 0..15 {
         std::thread::sleep(Duration::from_millis(40 + 13 * (i % 4)));
@@ -63,10 +73,39 @@ fn pictures_are_streamed_as_fast_as_they_are_made() {
         let picture = client.picture("its picture", |p| p.number("input") >= number);
         latencies.push((picture.at - sent).as_secs_f64() * 1e3);
     }
-    let latency = median(latencies);
-    println!("median latency {latency:.1} ms at {frame:.1} ms per picture");
-    // The rule is 1.5 frames and 10 ms; machines that test many things at once get ten times that.
-    assert!(latency <= 10.0 * (1.5 * frame + 10.0), "{latency} ms");
+    let figures = Figures {
+        arrived: count / (last.number("number") - first.number("number")).max(1.0),
+        of_engine: count / (last.at - first.at).as_secs_f64() * mean * 1e-3,
+        frame,
+        encode: median(shown.iter().map(|p| p.number("encode")).collect()),
+        latency: median(latencies),
+    };
+    let Figures { arrived, of_engine, frame, encode, latency } = figures;
+    println!(
+        "{scene} {width}×{height}: {count} pictures, {:.1} % of those made, {:.1} % of the engine's rate; \
+         {frame:.1} ms to render, {encode:.2} ms to pack, {latency:.1} ms from input to picture",
+        100.0 * arrived,
+        100.0 * of_engine
+    );
+    figures
+}
+
+/// Pictures arrive as fast as the engine makes them, and what one does is seen soon.
+#[test]
+fn pictures_are_streamed_as_fast_as_they_are_made() {
+    let figures = stream("cornell", [320, 240], 4);
+    // Other tests run beside this one; the rule itself is held where nothing else runs, see below.
+    assert!(figures.arrived >= 0.9, "{}", figures.arrived);
+    assert!(figures.latency <= 10.0 * (1.5 * figures.frame + 10.0), "{}", figures.latency);
+}
+
+/// `cargo test --release --test serve -- --ignored conference --nocapture`, on a machine that does nothing else.
+#[test]
+#[ignore = "needs a machine that does nothing else"]
+fn the_conference_room_is_streamed_at_the_rate_of_the_engine() {
+    let figures = stream("conference", [640, 480], 20);
+    assert!(figures.of_engine >= 0.95 && figures.arrived >= 0.95);
+    assert!(figures.encode <= 3.0 && figures.latency <= 1.5 * figures.frame + 10.0);
 }
 
 #[test]

@@ -38,7 +38,7 @@ fn display() -> Option<Display> {
     let required = std::env::var("HELIOSTAT_XVFB").is_ok_and(|value| value == "required");
     assert!(program().is_some() || !required, "Xvfb is missing and could not be installed");
     let Some(program) = program() else {
-        eprintln!("NOT RUN: the tests of the window need Xvfb; install Debian's package `xvfb`");
+        viewing::not_run("the tests of the window need Xvfb; install Debian's package `xvfb`");
         return None;
     };
     let mut command = Command::new(program);

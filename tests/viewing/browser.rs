@@ -46,7 +46,7 @@ pub(crate) fn chromium() -> Option<PathBuf> {
             "Chromium is missing and could not be installed"
         );
         if installed.is_none() {
-            eprintln!("NOT RUN: the tests of the page need Chromium; install Debian's package `chromium`");
+            super::not_run("the tests of the page need Chromium; install Debian's package `chromium`");
         }
         installed
     })

@@ -49,7 +49,12 @@ impl Meter {
     pub(crate) fn applied(&mut self, report: &ApplyReport) {
         self.apply += report.milliseconds;
         // A handful fits the overlay; the dearest are what one looks for.
-        self.rebuilt.extend(report.rebuilt.iter().map(|r| (r.what.clone(), r.milliseconds)));
+        for rebuilt in &report.rebuilt {
+            match self.rebuilt.iter_mut().find(|(what, _)| *what == rebuilt.what) {
+                Some((_, milliseconds)) => *milliseconds += rebuilt.milliseconds,
+                None => self.rebuilt.push((rebuilt.what.clone(), rebuilt.milliseconds)),
+            }
+        }
         self.rebuilt.sort_by(|a, b| b.1.total_cmp(&a.1));
         self.rebuilt.truncate(6);
     }

@@ -372,7 +372,7 @@ impl Face<'_> {
         let mut lines = Vec::new();
         let state = &self.news.state;
         if let Some(loading) = &state.loading {
-            let share = if loading.total > 0 { 100 * loading.done / loading.total } else { 0 };
+            let share = (100 * loading.done).checked_div(loading.total).unwrap_or(0);
             lines.push(format!("opening {} ... {share} %, {:.1} s", loading.title, loading.seconds));
         }
         if let Some(picture) = &self.news.picture {
