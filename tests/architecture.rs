@@ -15,7 +15,11 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("heliostat-formats", &["scene"]),
     ("heliostat-builtin", &["scene"]),
     ("heliostat-plugins", &["scene", "shading"]),
-    ("heliostat", &["builtin", "engine", "formats", "kernel", "plugins", "scene", "shading", "transport"]),
+    ("heliostat-viewer", &["builtin", "engine", "scene", "shading"]),
+    (
+        "heliostat",
+        &["builtin", "engine", "formats", "kernel", "plugins", "scene", "shading", "transport", "viewer"],
+    ),
     ("heliostat-bench", &[""]),
 ];
 

@@ -57,14 +57,46 @@ fn help_and_lists() {
 }
 
 #[test]
-fn the_viewer_says_that_it_is_missing() {
+fn the_viewer_refuses_what_it_cannot_show() {
     let folder = folder("view");
-    for arguments in ["", "view", "view cornell", "serve --listen 127.0.0.1:9"] {
-        let output = heliostat(&folder, arguments);
-        expect_code(&output, 1);
-        assert!(stderr(&output).contains("not built yet"), "{arguments}: {}", stderr(&output));
-        assert!(stderr(&output).contains("heliostat render"), "{arguments}: {}", stderr(&output));
+    let missing = heliostat(&folder, "serve no-such-scene --listen 127.0.0.1:0");
+    expect_code(&missing, 1);
+    assert!(stderr(&missing).contains("no built-in scene"), "{}", stderr(&missing));
+    for wrong in
+        ["serve --listen nowhere", "serve --max-upload -1", "view --renderer magic", "view --size 0x9"]
+    {
+        expect_code(&heliostat(&folder, wrong), 2);
     }
+}
+
+#[test]
+fn replays_of_the_viewer_are_rendered() {
+    let folder = folder("replay");
+    let key = |at: f64, x: f64| {
+        serde_json::json!({"at": at, "time": 2.0 * at, "vertical_fov": 0.7,
+            "world_from_camera": [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, x, 0.27, -0.8]})
+    };
+    let replay = serde_json::json!({
+        "heliostat": "replay", "version": 1, "scene": "cornell", "renderer": "direct", "size": [24, 16], "clip": 0,
+        "keys": [key(0.0, 0.278), key(0.1, 0.3)],
+        "changes": [{"at": 0.05, "kind": "show", "instance": 5, "visible": false}],
+    });
+    std::fs::write(folder.join("a.json"), replay.to_string()).unwrap();
+    let output = heliostat(&folder, "render --replay a.json -o p.png --spp 1 --fps 20 --exposure 0 --json");
+    expect_code(&output, 0);
+    assert_eq!(files(&folder), ["a.json", "p.0000.png", "p.0001.png", "p.0002.png"]);
+    let frames: Vec<Value> =
+        stdout(&output).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let times: Vec<_> = frames.iter().map(|frame| frame["time"].as_f64().unwrap()).collect();
+    assert!((times[2] - 0.2).abs() < 1e-6 && frames[0]["renderer"] == "direct" && frames[0]["width"] == 24);
+    let dark = heliostat(&folder, "compare p.0002.png p.0000.png --json");
+    let means: Value = serde_json::from_str(&stdout(&dark)).unwrap();
+    assert!(means["mean_a"][0].as_f64() < means["mean_b"][0].as_f64(), "the lamp went out: {means}");
+    std::fs::write(folder.join("b.json"), replay.to_string().replace("\"version\":1", "\"version\":7"))
+        .unwrap();
+    let refused = heliostat(&folder, "render --replay b.json -o p.png");
+    expect_code(&refused, 1);
+    assert!(stderr(&refused).contains("version 7"), "{}", stderr(&refused));
 }
 
 #[test]

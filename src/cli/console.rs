@@ -28,6 +28,11 @@ pub(super) fn watch_for_interrupt() {
     }
 }
 
+/// Whether Ctrl-C was pressed.
+pub(super) fn is_interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
 /// Writes a result line to stdout. A closed pipe is the reader's choice, not an error.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use heliostat::builtin;
-use heliostat::formats::{Diagnostic, Limits, Severity, image, load};
+use heliostat::formats::{Diagnostic, Limits, Loaded, Severity, image, load};
 use heliostat::scene::{Edit, Image, Timeline};
 
 use super::console;
@@ -21,18 +21,40 @@ pub(super) struct Source {
 /// # Errors
 /// When there is neither, or the file cannot be loaded.
 pub(super) fn scene(name: &str, detail_level: Option<u32>) -> Result<Source, Failure> {
+    check(name)?;
+    let name = name.to_owned();
+    console::with_progress("loading", move |_| read(&name, detail_level))
+}
+
+/// Whether there is a scene of this name.
+///
+/// # Errors
+/// When there is neither a built-in one nor a file.
+pub(super) fn check(name: &str) -> Result<(), Failure> {
+    let names: Vec<_> = builtin::names().iter().map(|(name, _)| *name).collect();
+    if names.contains(&name) || Path::new(name).exists() {
+        return Ok(());
+    }
+    Err(Failure::new(format!("there is no file `{name}` and no built-in scene of that name"))
+        .with_help(format!("the built-in scenes are {}", names.join(", "))))
+}
+
+/// Reads a scene as [`scene`] does, without showing progress.
+///
+/// # Errors
+/// When the file cannot be loaded.
+pub(super) fn read(name: &str, detail_level: Option<u32>) -> Result<Source, Failure> {
     if let Some(edits) = builtin::build(name) {
         return Ok(Source { edits, timeline: builtin::timeline(name), diagnostics: Vec::new() });
     }
-    let path = Path::new(name).to_path_buf();
-    if !path.exists() {
-        let names: Vec<_> = builtin::names().iter().map(|(name, _)| *name).collect();
-        return Err(Failure::new(format!("there is no file `{name}` and no built-in scene of that name"))
-            .with_help(format!("the built-in scenes are {}", names.join(", "))));
-    }
     let limits = Limits { detail_level, ..Limits::default() };
-    let loaded = console::with_progress("loading", move |_| Ok(load(&path, &limits)?))?;
-    Ok(Source { edits: loaded.edits, timeline: loaded.timeline, diagnostics: loaded.diagnostics })
+    Ok(load(Path::new(name), &limits)?.into())
+}
+
+impl From<Loaded> for Source {
+    fn from(Loaded { edits, timeline, diagnostics }: Loaded) -> Self {
+        Self { edits, timeline, diagnostics }
+    }
 }
 
 /// Writes what the loader has to say to stderr.

@@ -7,10 +7,12 @@ mod camera;
 mod compare;
 mod console;
 mod failure;
+mod host;
 mod info;
 mod input;
 mod output;
 mod pictures;
+mod playback;
 mod render;
 mod scenes;
 mod sequence;
@@ -40,9 +42,9 @@ enum Command {
     Compare(compare::Arguments),
     /// List the built-in scenes, which every command takes by name
     Scenes(scenes::Arguments),
-    /// Show a scene in a window (not built yet)
+    /// Show a scene in a window and change it; without a display on a web page
     View(view::Arguments),
-    /// Show a scene on a web page (not built yet)
+    /// Show a scene on a web page and change it
     Serve(view::ServeArguments),
 }
 
@@ -51,8 +53,8 @@ pub(crate) fn run() -> ExitCode {
     let arguments = Arguments::parse();
     console::watch_for_interrupt();
     let result = match arguments.command {
-        None => view::run(&view::Arguments::default()),
-        Some(Command::Render(arguments)) => render::run(&arguments),
+        None => view::run_default(),
+        Some(Command::Render(arguments)) => render::run(*arguments),
         Some(Command::Info(arguments)) => info::run(&arguments),
         Some(Command::Compare(arguments)) => compare::run(&arguments),
         Some(Command::Scenes(arguments)) => scenes::run(&arguments),

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
 use heliostat::engine::tone;
 use heliostat::formats::image::{EncodeError, encode_exr, encode_hdr, encode_png};
-use heliostat::scene::{Frame, Plane, PlaneData};
+use heliostat::scene::Frame;
 use heliostat::shading::pixel::BoundPixelShader;
+use heliostat_viewer::{plane_bytes, plane_colors};
 
 use super::failure::Failure;
 
@@ -102,57 +102,16 @@ impl Target {
         let mut files = vec![self.path.clone()];
         for plane in frame.planes.iter().filter(|_| self.format != Format::Exr) {
             let path = self.path.with_extension(format!("{}.{}", plane.plane.name(), self.extension()));
-            let colors = visible(plane);
+            let colors = plane_colors(plane);
             let bytes = match self.format {
                 Format::Hdr => encode_hdr(width, height, &colors)?,
-                _ => encode_png(width, height, &srgb8(&colors, plane.plane))?,
+                _ => encode_png(width, height, &plane_bytes(&colors, plane.plane))?,
             };
             write(&path, &bytes)?;
             files.push(path);
         }
         Ok(files)
     }
-}
-
-/// A plane as colours from 0 to 1: depth and position over their range, normals as 0.5 + 0.5 n, identifiers as
-/// distinct colours, the rest as it is.
-fn visible(plane: &PlaneData) -> Vec<Vec3> {
-    let finite = || plane.values.iter().copied().filter(|v| v.is_finite());
-    let (low, high) = (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max));
-    let over_range = |v: f32| if high > low { (v - low) / (high - low) } else { 0.0 };
-    let grey = |map: &dyn Fn(f32) -> f32| plane.values.iter().map(|&v| Vec3::splat(map(v))).collect();
-    let triples = |map: &dyn Fn(f32) -> f32| {
-        plane.values.chunks_exact(3).map(|v| Vec3::new(map(v[0]), map(v[1]), map(v[2]))).collect()
-    };
-    match plane.plane {
-        // Near is bright; what is hit nowhere stays black.
-        Plane::Depth => grey(&|v| if v > 0.0 { 1.0 - 0.9 * v / high } else { 0.0 }),
-        Plane::Normal => triples(&|v| 0.5 + 0.5 * v),
-        Plane::Position => triples(&over_range),
-        Plane::Albedo => triples(&|v| v),
-        Plane::Alpha => grey(&|v| v),
-        Plane::ObjectId | Plane::InstanceId | Plane::MaterialId => {
-            plane.values.iter().map(|&id| identity_color(id as u32)).collect()
-        }
-    }
-}
-
-/// Hues a golden angle apart; 0 is black.
-fn identity_color(id: u32) -> Vec3 {
-    if id == 0 {
-        return Vec3::ZERO;
-    }
-    let hue = (id as f32 * 0.618_034).fract() * 6.0;
-    let channel = |offset: f32| (((hue + offset).rem_euclid(6.0) - 3.0).abs() - 1.0).clamp(0.0, 1.0);
-    let value = 0.55 + 0.45 * (id as f32 * 0.754_877).fract();
-    value * (Vec3::splat(0.25) + 0.75 * Vec3::new(channel(0.0), channel(4.0), channel(2.0)))
-}
-
-/// Albedo is a colour and gets the sRGB curve; everything else is data and is stored as it is.
-fn srgb8(colors: &[Vec3], plane: Plane) -> Vec<u8> {
-    let curve = |l: f32| if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-    let encode = |v: f32| if plane == Plane::Albedo { curve(v.clamp(0.0, 1.0)) } else { v.clamp(0.0, 1.0) };
-    colors.iter().flat_map(|c| c.to_array().map(|v| (encode(v) * 255.0 + 0.5) as u8)).collect()
 }
 
 /// Where a file lies.

@@ -21,6 +21,7 @@ use serde_json::{Value, json};
 
 use super::failure::Failure;
 use super::pictures::{Expected, Pictures};
+use super::playback::Playback;
 use super::sequence::{self, Sequence};
 use super::values::{self, Exposure, Size, Surroundings};
 use super::{camera, console, input, output};
@@ -28,21 +29,23 @@ use super::{camera, console, input, output};
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Arguments {
-    /// A file or the name of a built-in scene
-    #[arg(default_value = "atrium")]
-    scene: String,
+    /// A file or the name of a built-in scene [default: the replay's, else atrium]
+    scene: Option<String>,
     /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
     #[arg(long, value_name = "N")]
     detail_level: Option<u32>,
     /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance, .apng plays all frames
     #[arg(short, long, value_name = "FILE")]
     output: output::Target,
-    /// How light is computed
-    #[arg(long, default_value = "path")]
-    renderer: Renderer,
-    /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "640x360")]
-    size: Size,
+    /// How light is computed [default: the replay's, else path]
+    #[arg(long)]
+    renderer: Option<Renderer>,
+    /// Width and height in pixels [default: the replay's, else 640x360]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Camera path and changes that the viewer saved
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "eye", "group"])]
+    replay: Option<PathBuf>,
     /// Samples per pixel [default: 64 for path, 16 for direct, 1 for igi and cast]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
@@ -59,9 +62,9 @@ pub(super) struct Arguments {
     /// Another seed gives other noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
-    /// Stops by which a .png is brightened, or `auto`: as suits the first frame
-    #[arg(long, value_name = "EV", default_value = "auto", allow_hyphen_values = true)]
-    exposure: Exposure,
+    /// Stops by which a .png is brightened, or `auto`: as suits the first frame [default: the replay's, else auto]
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    exposure: Option<Exposure>,
     /// Tone curve of a .png: aces, agx, clip, filmic, reinhard[:white=W]; `clip` after a --pixel that answers in colours
     /// [default: filmic]
     #[arg(long, value_name = "NAME[:PARAMETER=VALUE,…]", value_parser = values::shader)]
@@ -201,13 +204,51 @@ impl Renderer {
     }
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+impl Arguments {
+    /// Where nothing else is asked for, what a replay says.
+    fn adopt(&mut self, playback: &Playback) {
+        let replay = &playback.replay;
+        self.scene.get_or_insert_with(|| replay.scene.clone());
+        if self.renderer.is_none() {
+            self.renderer = Renderer::from_str(&replay.renderer, false).ok();
+        }
+        let [width, height] = replay.size;
+        self.size = self.size.or_else(|| format!("{width}x{height}").parse().ok());
+        self.exposure = self.exposure.or(replay.exposure.map(Exposure::Ev));
+        if replay.diffuse {
+            self.materials = Materials::Diffuse;
+        }
+        self.sequence.adopt(playback);
+    }
+
+    fn scene(&self) -> &str {
+        self.scene.as_deref().unwrap_or("atrium")
+    }
+
+    fn renderer(&self) -> Renderer {
+        self.renderer.unwrap_or(Renderer::Path)
+    }
+
+    fn size(&self) -> Size {
+        self.size.unwrap_or(Size { width: 640, height: 360 })
+    }
+}
+
+pub(super) fn run(mut arguments: Arguments) -> Result<(), Failure> {
+    let playback = arguments.replay.as_deref().map(Playback::load).transpose()?;
+    if let Some(playback) = &playback {
+        arguments.adopt(playback);
+    }
+    make(&arguments, playback)
+}
+
+fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure> {
     arguments.output.check()?;
     if arguments.output.format == output::Format::Apng && !arguments.aov.is_empty() {
         return Err(Failure::usage("an animated picture has no room for planes")
             .with_help("write numbered files: `-o NAME.exr`, with `--animate NAME.apng` for the animation"));
     }
-    let source = input::scene(&arguments.scene, arguments.detail_level)?;
+    let source = input::scene(arguments.scene(), arguments.detail_level)?;
     input::show(&source.diagnostics);
     let mut edits = source.edits;
     edits.extend(environment(arguments.environment.as_ref())?);
@@ -215,15 +256,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut scene = Scene::default();
     scene.apply(&edits)?;
     if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
-        edits.extend(lighting::default_light(&scene));
+        let light = lighting::default_light(&scene);
+        scene.apply(&light)?;
+        edits.extend(light);
         note("the scene has no light; a clear sky and a sun were added (--no-default-light leaves it dark)");
     }
     camera::choose(&arguments.camera, &scene)?;
-    let mut sequence = Sequence::new(&arguments.sequence, source.timeline)?;
+    let mut sequence = Sequence::new(&arguments.sequence, source.timeline, playback)?;
     let expected = Expected {
         frames: sequence.frames().len() as u32,
         frames_per_second: sequence.frames_per_second,
-        size: arguments.size,
+        size: arguments.size(),
     };
     let animate = arguments.sequence.animate.as_deref();
     let (curve, exposure) = tone(arguments)?;
@@ -233,9 +276,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         scene.apply(&edits)?;
         edits = group(&scene, sequence.timeline(), GroupingOptions::default()).edits;
     }
-    edits.extend(sequence.edits(sequence.frames().start));
+    let first = sequence.frames().start;
+    edits.extend(sequence.edits(first));
+    let own = scene.environment().clone();
+    edits.extend(sequence.changes(first, &scene, &own)?);
     let engine = build(arguments, edits)?;
-    render(arguments, &mut sequence, &mut pictures, engine)?;
+    render(arguments, &mut sequence, &mut pictures, engine, &own)?;
     if let Some(file) = pictures.finish()? {
         let (frames, rate) = (expected.frames, expected.frames_per_second);
         console::message(&format!("wrote {}: {frames} frames, {rate} per second", file.display()));
@@ -258,7 +304,7 @@ fn tone(arguments: &Arguments) -> Result<(BoundPixelShader, Exposure), Failure> 
         let help = "tone curves are aces, agx, clip, filmic and reinhard; give others with --pixel";
         return Err(Failure::usage(format!("`{}` is no tone curve", info.name)).with_help(help));
     }
-    let exposure = match arguments.exposure {
+    let exposure = match arguments.exposure.unwrap_or(Exposure::Auto) {
         Exposure::Auto if shown => Exposure::Ev(0.0),
         exposure => exposure,
     };
@@ -292,6 +338,7 @@ fn render(
     sequence: &mut Sequence,
     pictures: &mut Pictures,
     (mut engine, mut applied): (Engine, ApplyReport),
+    own: &Environment,
 ) -> Result<(), Failure> {
     let frames = sequence.frames();
     let mut framed = None;
@@ -302,7 +349,8 @@ fn render(
             count => format!("frame {} of {count}", number - frames.start + 1),
         };
         if number != frames.start {
-            let edits = sequence.edits(number);
+            let mut edits = sequence.edits(number);
+            edits.extend(sequence.changes(number, engine.scene(), own)?);
             (engine, applied) = console::with_progress(label.clone(), move |progress| {
                 let applied = engine.apply(&edits, progress)?;
                 Ok((engine, applied))
@@ -310,10 +358,14 @@ fn render(
         }
         warn(&mut warned, applied.warnings.iter().chain(&applied.problems));
         // The scene's cameras may move; one that was found for it stands still.
-        let camera = match (camera::choose(&arguments.camera, engine.scene())?, framed.clone()) {
+        let chosen = match sequence.camera(number) {
+            Some(camera) => Some(camera),
+            None => camera::choose(&arguments.camera, engine.scene())?,
+        };
+        let camera = match (chosen, framed.clone()) {
             (Some(camera), _) | (None, Some(camera)) => camera,
             (None, None) => {
-                let aspect = arguments.size.width as f32 / arguments.size.height as f32;
+                let aspect = arguments.size().width as f32 / arguments.size().height as f32;
                 let camera = camera::framed(&arguments.camera, &engine, aspect)?;
                 note(&format!("the scene has no camera; this one looks at it from the {}", camera.name));
                 framed.insert(camera).clone()
@@ -360,8 +412,8 @@ fn note(text: &str) {
 
 fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequest {
     FrameRequest {
-        renderer: arguments.renderer.name().into(),
-        samples: arguments.spp.unwrap_or(arguments.renderer.default_samples()),
+        renderer: arguments.renderer().name().into(),
+        samples: arguments.spp.unwrap_or(arguments.renderer().default_samples()),
         max_depth: arguments.max_depth,
         seed: arguments.seed,
         filter: match arguments.filter {
@@ -385,7 +437,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
         },
         pixel_shaders: arguments.pixel.clone(),
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
-        ..FrameRequest::new(camera, arguments.size.width, arguments.size.height)
+        ..FrameRequest::new(camera, arguments.size().width, arguments.size().height)
     }
 }
 
@@ -423,7 +475,7 @@ fn report(arguments: &Arguments, sequence: &Sequence, finished: &Finished<'_>) -
     ));
     if arguments.json {
         let report = json!({
-            "scene": arguments.scene,
+            "scene": arguments.scene(),
             "files": names,
             "renderer": request.renderer,
             "width": frame.width,

@@ -3,9 +3,10 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use heliostat::scene::{Clip, Edit, Timeline};
+use heliostat::scene::{Camera, Clip, Edit, Environment, Scene, Timeline};
 
 use super::failure::Failure;
+use super::playback::Playback;
 use super::{console, values};
 
 /// Frames per second where neither the command line nor the clip says anything.
@@ -34,6 +35,18 @@ pub(super) struct Arguments {
     pub(super) animate: Option<PathBuf>,
 }
 
+impl Arguments {
+    /// Where nothing else is asked for, the frames and the clip of a replay.
+    pub(super) fn adopt(&mut self, playback: &Playback) {
+        let frames = playback.frames(self.fps.unwrap_or(DEFAULT_RATE));
+        if self.frames.is_none() && self.time.is_none() && frames > 1 {
+            self.frames = Some(0..frames);
+        }
+        self.clip = self.clip.take().or(playback.replay.clip.map(|clip| clip.to_string()));
+        self.fps.get_or_insert(DEFAULT_RATE);
+    }
+}
+
 /// The frames to be made and the motion they show.
 pub(super) struct Sequence {
     timeline: Timeline,
@@ -44,6 +57,7 @@ pub(super) struct Sequence {
     plays: bool,
     pub(super) frames_per_second: f64,
     shutter: f64,
+    playback: Option<Playback>,
 }
 
 impl Sequence {
@@ -51,7 +65,11 @@ impl Sequence {
     ///
     /// # Errors
     /// When there is no clip of the name or number asked for.
-    pub(super) fn new(arguments: &Arguments, mut timeline: Timeline) -> Result<Self, Failure> {
+    pub(super) fn new(
+        arguments: &Arguments,
+        mut timeline: Timeline,
+        playback: Option<Playback>,
+    ) -> Result<Self, Failure> {
         if let Some(wanted) = &arguments.clip {
             timeline.play(find(wanted, timeline.clips())?);
         }
@@ -64,6 +82,7 @@ impl Sequence {
             frames_per_second: arguments.fps.or(own_rate).unwrap_or(DEFAULT_RATE),
             shutter: arguments.shutter,
             timeline,
+            playback,
         };
         if let Some(remark) = sequence.remark(arguments.time.is_some()) {
             console::message(&format!("note: {remark}"));
@@ -100,7 +119,34 @@ impl Sequence {
 
     /// The time of a frame, in seconds from the clip's start; `None` for a scene at rest.
     pub(super) fn time(&self, frame: u32) -> Option<f64> {
-        self.plays.then(|| self.time.unwrap_or(f64::from(frame) / self.frames_per_second))
+        self.plays.then(|| {
+            let at = self.moment(frame);
+            self.playback.as_ref().map_or(at, |playback| playback.clip_time(at))
+        })
+    }
+
+    /// Seconds from the first frame.
+    fn moment(&self, frame: u32) -> f64 {
+        self.time.unwrap_or(f64::from(frame) / self.frames_per_second)
+    }
+
+    /// The point of view that a replay asks for.
+    pub(super) fn camera(&self, frame: u32) -> Option<Camera> {
+        self.playback.as_ref()?.camera(self.moment(frame))
+    }
+
+    /// What a replay changes in the scene for a frame.
+    ///
+    /// # Errors
+    /// When it does not fit the scene.
+    pub(super) fn changes(
+        &mut self,
+        frame: u32,
+        scene: &Scene,
+        own: &Environment,
+    ) -> Result<Vec<Edit>, Failure> {
+        let at = self.moment(frame);
+        self.playback.as_mut().map_or(Ok(Vec::new()), |playback| playback.changes(at, scene, own))
     }
 
     /// The name of the clip that plays; `None` for a scene at rest.
@@ -135,7 +181,7 @@ mod tests {
     }
 
     fn sequence(arguments: &Arguments) -> Sequence {
-        Sequence::new(arguments, heliostat::builtin::timeline("cornell")).expect("it has the clip")
+        Sequence::new(arguments, heliostat::builtin::timeline("cornell"), None).expect("it has the clip")
     }
 
     #[test]
@@ -163,9 +209,10 @@ mod tests {
         let late = remark(&Arguments { frames: Some(0..98), ..arguments() }).expect("a remark");
         assert!(late.contains("4.000 s, at frame 96"), "{late}");
         assert!(remark(&Arguments { time: Some(5.0), ..arguments() }).is_some());
-        let still = Sequence::new(&arguments(), Timeline::default()).expect("no clip is asked for");
+        let still = Sequence::new(&arguments(), Timeline::default(), None).expect("no clip is asked for");
         assert!(still.remark(false).is_none() && still.remark(true).is_some());
-        let none = Sequence::new(&Arguments { clip: Some("x".into()), ..arguments() }, Timeline::default());
+        let none =
+            Sequence::new(&Arguments { clip: Some("x".into()), ..arguments() }, Timeline::default(), None);
         assert!(none.is_err());
     }
 }

@@ -43,6 +43,7 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
             "atrium",
             "a sunlit two-storey courtyard: colonnades, banners, a fountain, plants under an open sky",
         ),
+        ("atrium-evening", "the atrium under the last of the sky; a lamp wanders through the court"),
         (
             "carpaint",
             "a car in a studio: flakes and flip-flop colour under a clear coat; a second one in petrol",
@@ -67,6 +68,7 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
 pub fn build(name: &str) -> Option<Vec<Edit>> {
     Some(match name {
         "atrium" => atrium::build(),
+        "atrium-evening" => atrium::build_evening(),
         "carpaint" => car::build(),
         "conference" => conference::build(conference::Lighting::Ceiling),
         "conference-1" => conference::build(conference::Lighting::OneLamp),
@@ -81,6 +83,7 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
 /// How the scene `name` moves; empty for those that stand still. At time 0 it stands as [`build`] makes it.
 pub fn timeline(name: &str) -> Timeline {
     match name {
+        "atrium-evening" => atrium::evening_timeline(),
         "cornell" => cornell::timeline(),
         "sunflowers" => sunflowers::timeline(),
         _ => Timeline::default(),

@@ -28,7 +28,6 @@ mod film;
 mod meter;
 mod post;
 mod queue;
-pub mod tone;
 
 pub use engine::{Accelerator, Engine, EngineOptions};
-pub use heliostat_shading::{LaneMode, ShaderRegistry};
+pub use heliostat_shading::{LaneMode, ShaderRegistry, tone};

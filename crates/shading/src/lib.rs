@@ -42,6 +42,7 @@ mod sky;
 mod sort;
 mod surface;
 mod texture;
+pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};

@@ -3,8 +3,13 @@
 mod dressing;
 mod stonework;
 
+use std::sync::Arc;
+
 use glam::{Affine3A, Vec2, Vec3};
-use heliostat_scene::{Camera, Edit, Material, MaterialId, ObjectId, SceneBuilder};
+use heliostat_scene::{
+    Camera, Clip, Edit, Light, LightId, LightKind, Material, MaterialId, Motion, ObjectId, Pose,
+    SceneBuilder, Timeline,
+};
 
 use crate::shape::{Shape, place};
 use crate::{paint, pattern, sky};
@@ -91,14 +96,60 @@ impl Palette {
     }
 }
 
+/// By day: under a clear sky and the sun.
 pub(crate) fn build() -> Vec<Edit> {
+    let mut builder = architecture();
+    builder.environment(sky::clear(1.25));
+    builder.light(sky::sun(Vec3::new(0.38, -1.0, 0.46), 6.5));
+    builder.finish()
+}
+
+/// By evening: under the last of the sky, with a lamp that wanders through the court.
+pub(crate) fn build_evening() -> Vec<Edit> {
+    evening().0
+}
+
+/// The lamp goes round once.
+pub(crate) fn evening_timeline() -> Timeline {
+    let motion = Arc::new(Wandering(evening().1));
+    Timeline::new(vec![Clip { name: "wandering lamp".into(), frame_rate: None, motion }])
+}
+
+fn evening() -> (Vec<Edit>, LightId) {
+    let mut builder = architecture();
+    builder.environment(sky::clear(0.05));
+    let lamp = builder.light(lamp(0.0));
+    (builder.finish(), lamp)
+}
+
+#[derive(Debug)]
+struct Wandering(LightId);
+
+impl Motion for Wandering {
+    fn duration(&self) -> f64 {
+        30.0
+    }
+
+    fn sample(&self, time: f64, pose: &mut Pose) {
+        pose.light(self.0, lamp((time / self.duration()).fract() as f32));
+    }
+}
+
+/// The lamp after a share of its round; within the court, at the height of a head and above.
+fn lamp(share: f32) -> Light {
+    let (sin, cos) = (share * std::f32::consts::TAU).sin_cos();
+    let position = Vec3::new(-1.0 - 7.5 * cos, 2.6 + 0.8 * sin * cos, 2.6 * sin);
+    let intensity = Vec3::new(30.0, 21.0, 12.0);
+    let kind = LightKind::Point { position, intensity, range: f32::INFINITY };
+    Light { name: "wandering lamp".into(), kind }
+}
+
+/// The building and its points of view, without light.
+fn architecture() -> SceneBuilder {
     let mut builder = SceneBuilder::new();
     let palette = Palette::new(&mut builder);
     stonework::build(&mut builder, &palette);
     dressing::build(&mut builder, &palette);
-
-    builder.environment(sky::clear(1.25));
-    builder.light(sky::sun(Vec3::new(0.38, -1.0, 0.46), 6.5));
 
     let eye = Vec3::new(-13.6, 1.9, -1.7);
     builder.camera(Camera::look_at("nave", eye, Vec3::new(3.0, 3.35, 0.55), Vec3::Y, 1.05));
@@ -106,7 +157,7 @@ pub(crate) fn build() -> Vec<Edit> {
     builder.camera(Camera::look_at("gallery", eye, Vec3::new(2.2, 3.3, 2.6), Vec3::Y, 1.0));
     let eye = Vec3::new(-3.2, 1.6, 7.3);
     builder.camera(Camera::look_at("walk", eye, Vec3::new(3.4, 1.9, 2.6), Vec3::Y, 0.95));
-    builder.finish()
+    builder
 }
 
 /// A mesh of one material as an object.

@@ -1,9 +1,9 @@
 //! From linear radiance to 8 bits: exposure, a filmic curve, the sRGB encoding.
 
+use crate::color::{luminance, srgb_encode};
+use crate::pixel::{BoundPixelShader, PixelFrame, filmic};
+use crate::surface::LaneMode;
 use glam::Vec3;
-use heliostat_shading::LaneMode;
-use heliostat_shading::color::{luminance, srgb_encode};
-use heliostat_shading::pixel::{BoundPixelShader, PixelFrame, filmic};
 
 /// Linear value that the curve maps to itself: a middle grey card stays a middle grey card.
 const MIDDLE_GREY: f32 = 0.18;

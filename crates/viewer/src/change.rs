@@ -1,0 +1,377 @@
+//! What a user can change in a scene, small enough to be stored, sent and taken back.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Mat3, Vec3};
+use heliostat_scene::{
+    Edit, Environment, EnvironmentMap, Gradient, InstanceId, Light, LightId, LightKind, Material, MaterialId,
+    Scene, Sky,
+};
+use serde::{Deserialize, Serialize};
+
+/// One change. Handles are the numbers that the scene's loader gave out; the same file gives the same numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Change {
+    /// Moves an instance.
+    Place {
+        /// Which.
+        instance: u32,
+        /// Three columns of the matrix, then the translation.
+        parent_from_object: [f32; 12],
+    },
+    /// Shows or hides an instance.
+    Show {
+        /// Which.
+        instance: u32,
+        /// Whether it is seen.
+        visible: bool,
+    },
+    /// Sets the factors of a material; its textures and shaders stay.
+    Material {
+        /// Which.
+        material: u32,
+        /// The factors.
+        look: Look,
+    },
+    /// Defines, replaces or (without `to`) removes a light.
+    Light {
+        /// Which.
+        light: u32,
+        /// For people.
+        #[serde(default)]
+        name: String,
+        /// What it becomes.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to: Option<Lamp>,
+    },
+    /// Replaces what surrounds the scene.
+    Environment {
+        /// What it becomes.
+        to: Surroundings,
+    },
+}
+
+/// The factors of a material that can be set; fields as in [`Material`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the fields are those of `Material`")]
+pub struct Look {
+    pub base_color: [f32; 4],
+    pub metallic: f32,
+    pub roughness: f32,
+    pub emissive: [f32; 3],
+    pub transmission: f32,
+    pub ior: f32,
+    pub specular: f32,
+}
+
+/// A light; fields as in [`LightKind`], where `range` is absent for infinity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+#[expect(missing_docs, reason = "the fields are those of `LightKind`")]
+pub enum Lamp {
+    Point {
+        position: [f32; 3],
+        intensity: [f32; 3],
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        range: Option<f32>,
+    },
+    Spot {
+        position: [f32; 3],
+        direction: [f32; 3],
+        intensity: [f32; 3],
+        inner_angle: f32,
+        outer_angle: f32,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        range: Option<f32>,
+    },
+    ConstantPoint {
+        position: [f32; 3],
+        irradiance: [f32; 3],
+    },
+    Directional {
+        direction: [f32; 3],
+        irradiance: [f32; 3],
+    },
+    /// A light with a profile or picture, which it keeps.
+    Pattern {
+        position: [f32; 3],
+        intensity: [f32; 3],
+    },
+}
+
+/// What surrounds a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Surroundings {
+    /// Nothing: black.
+    Dark,
+    /// The same radiance from everywhere.
+    Constant {
+        /// Linear Rec. 709 radiance.
+        radiance: [f32; 3],
+    },
+    /// What the scene brings, brighter or dimmer and turned.
+    Own {
+        /// Multiplies the radiance.
+        scale: [f32; 3],
+        /// Turn about +Y, radians.
+        turn: f32,
+    },
+}
+
+impl Default for Surroundings {
+    /// What the scene brings, as it is.
+    fn default() -> Self {
+        Self::Own { scale: [1.0; 3], turn: 0.0 }
+    }
+}
+
+impl Change {
+    /// Where an instance shall stand.
+    pub fn place(instance: InstanceId, parent_from_object: Affine3A) -> Self {
+        Self::Place { instance: instance.0, parent_from_object: parent_from_object.to_cols_array() }
+    }
+
+    /// The edit that makes this change; `own` is the environment that the scene brings.
+    ///
+    /// # Errors
+    /// When the scene has no such thing. Values out of range are refused when the edit is applied.
+    pub fn edit(&self, scene: &Scene, own: &Environment) -> Result<Edit, String> {
+        Ok(match self {
+            Self::Place { instance, parent_from_object } => {
+                Edit::MoveInstance(InstanceId(*instance), Affine3A::from_cols_array(parent_from_object))
+            }
+            &Self::Show { instance, visible } => Edit::ShowInstance(InstanceId(instance), visible),
+            Self::Material { material, look } => {
+                let id = MaterialId(*material);
+                let old = scene.materials().get(&id).ok_or_else(|| format!("there is no {id}"))?;
+                Edit::Material(id, Arc::new(look.onto(old)))
+            }
+            Self::Light { light, to: None, .. } => Edit::RemoveLight(LightId(*light)),
+            Self::Light { light, name, to: Some(lamp) } => {
+                let own = scene.lights().get(&LightId(*light)).map(|own| &own.kind);
+                Edit::Light(LightId(*light), Light { name: name.clone(), kind: lamp.kind(own) })
+            }
+            Self::Environment { to } => Edit::Environment(to.around(own)),
+        })
+    }
+
+    /// The change that takes this one back; `surroundings` are those of now.
+    ///
+    /// # Errors
+    /// When the scene has no such thing.
+    pub fn inverse(&self, scene: &Scene, surroundings: &Surroundings) -> Result<Self, String> {
+        let instance = |number: u32| {
+            let id = InstanceId(number);
+            scene.instances().get(&id).ok_or_else(|| format!("there is no {id}"))
+        };
+        Ok(match *self {
+            Self::Place { instance: id, .. } => Self::place(InstanceId(id), instance(id)?.parent_from_object),
+            Self::Show { instance: id, .. } => Self::Show { instance: id, visible: instance(id)?.visible },
+            Self::Material { material, .. } => {
+                let id = MaterialId(material);
+                let old = scene.materials().get(&id).ok_or_else(|| format!("there is no {id}"))?;
+                Self::Material { material, look: Look::of(old) }
+            }
+            Self::Light { light, .. } => {
+                let old = scene.lights().get(&LightId(light));
+                let name = old.map_or(String::new(), |old| old.name.clone());
+                Self::Light { light, name, to: old.map(|old| Lamp::of(&old.kind)) }
+            }
+            Self::Environment { .. } => Self::Environment { to: surroundings.clone() },
+        })
+    }
+
+    /// For menus: what this does.
+    pub fn label(&self) -> &'static str {
+        match self {
+            Self::Place { .. } => "move object",
+            Self::Show { visible: true, .. } => "show object",
+            Self::Show { visible: false, .. } => "hide object",
+            Self::Material { .. } => "material",
+            Self::Light { to: None, .. } => "remove light",
+            Self::Light { .. } => "light",
+            Self::Environment { .. } => "environment",
+        }
+    }
+
+    /// Whether both change the same thing in the same respect, so that the later one stands for both.
+    pub fn same_target(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Place { instance: a, .. }, Self::Place { instance: b, .. })
+            | (Self::Show { instance: a, .. }, Self::Show { instance: b, .. })
+            | (Self::Material { material: a, .. }, Self::Material { material: b, .. })
+            | (Self::Light { light: a, .. }, Self::Light { light: b, .. }) => a == b,
+            (Self::Environment { .. }, Self::Environment { .. }) => true,
+            _ => false,
+        }
+    }
+}
+
+impl Look {
+    /// The factors of a material.
+    pub fn of(material: &Material) -> Self {
+        Self {
+            base_color: material.base_color.to_array(),
+            metallic: material.metallic,
+            roughness: material.roughness,
+            emissive: material.emissive.to_array(),
+            transmission: material.transmission,
+            ior: material.ior,
+            specular: material.specular,
+        }
+    }
+
+    fn onto(&self, material: &Material) -> Material {
+        Material {
+            base_color: self.base_color.into(),
+            metallic: self.metallic,
+            roughness: self.roughness,
+            emissive: self.emissive.into(),
+            transmission: self.transmission,
+            ior: self.ior,
+            specular: self.specular,
+            ..material.clone()
+        }
+    }
+}
+
+impl Lamp {
+    /// The form of a light.
+    pub fn of(kind: &LightKind) -> Self {
+        let finite = |range: f32| range.is_finite().then_some(range);
+        match *kind {
+            LightKind::Point { position, intensity, range } => Self::Point {
+                position: position.to_array(),
+                intensity: intensity.to_array(),
+                range: finite(range),
+            },
+            LightKind::Spot { position, direction, intensity, inner_angle, outer_angle, range } => {
+                Self::Spot {
+                    position: position.to_array(),
+                    direction: direction.to_array(),
+                    intensity: intensity.to_array(),
+                    inner_angle,
+                    outer_angle,
+                    range: finite(range),
+                }
+            }
+            LightKind::ConstantPoint { position, irradiance } => {
+                Self::ConstantPoint { position: position.to_array(), irradiance: irradiance.to_array() }
+            }
+            LightKind::Directional { direction, irradiance } => {
+                Self::Directional { direction: direction.to_array(), irradiance: irradiance.to_array() }
+            }
+            LightKind::Profile { position, scale: intensity, .. }
+            | LightKind::Projector { position, intensity, .. } => {
+                Self::Pattern { position: position.to_array(), intensity: intensity.to_array() }
+            }
+        }
+    }
+
+    /// The light; `own` is what it is now. A pattern that was none before is a point.
+    fn kind(&self, own: Option<&LightKind>) -> LightKind {
+        let far = |range: Option<f32>| range.unwrap_or(f32::INFINITY);
+        match *self {
+            Self::Point { position, intensity, range } => {
+                LightKind::Point { position: position.into(), intensity: intensity.into(), range: far(range) }
+            }
+            Self::Spot { position, direction, intensity, inner_angle, outer_angle, range } => {
+                LightKind::Spot {
+                    position: position.into(),
+                    direction: direction.into(),
+                    intensity: intensity.into(),
+                    inner_angle,
+                    outer_angle,
+                    range: far(range),
+                }
+            }
+            Self::ConstantPoint { position, irradiance } => {
+                LightKind::ConstantPoint { position: position.into(), irradiance: irradiance.into() }
+            }
+            Self::Directional { direction, irradiance } => {
+                LightKind::Directional { direction: direction.into(), irradiance: irradiance.into() }
+            }
+            Self::Pattern { position, intensity } => {
+                let (to, power) = (position.into(), intensity.into());
+                let mut kind = own.cloned();
+                match &mut kind {
+                    Some(LightKind::Profile { position, scale: intensity, .. })
+                    | Some(LightKind::Projector { position, intensity, .. }) => {
+                        (*position, *intensity) = (to, power);
+                    }
+                    _ => kind = None,
+                }
+                kind.unwrap_or(LightKind::Point { position: to, intensity: power, range: f32::INFINITY })
+            }
+        }
+    }
+
+    /// Where it stands; lights at infinity stand nowhere.
+    pub fn position(&self) -> Option<Vec3> {
+        match *self {
+            Self::Point { position, .. }
+            | Self::Spot { position, .. }
+            | Self::Pattern { position, .. }
+            | Self::ConstantPoint { position, .. } => Some(position.into()),
+            Self::Directional { .. } => None,
+        }
+    }
+
+    /// The same light, so many times as bright.
+    pub fn times(mut self, factor: f32) -> Self {
+        match &mut self {
+            Self::Point { intensity: power, .. }
+            | Self::Spot { intensity: power, .. }
+            | Self::Pattern { intensity: power, .. }
+            | Self::ConstantPoint { irradiance: power, .. }
+            | Self::Directional { irradiance: power, .. } => *power = power.map(|value| value * factor),
+        }
+        self
+    }
+
+    /// The same light elsewhere; lights at infinity stay.
+    pub fn at(mut self, place: Vec3) -> Self {
+        match &mut self {
+            Self::Point { position, .. }
+            | Self::Spot { position, .. }
+            | Self::Pattern { position, .. }
+            | Self::ConstantPoint { position, .. } => {
+                *position = place.to_array();
+            }
+            Self::Directional { .. } => {}
+        }
+        self
+    }
+}
+
+impl Surroundings {
+    /// The environment; `own` is what the scene brings.
+    fn around(&self, own: &Environment) -> Environment {
+        match *self {
+            Self::Dark => Environment::None,
+            Self::Constant { radiance } => Environment::Constant(radiance.into()),
+            Self::Own { scale, turn } => match own {
+                Environment::None => Environment::None,
+                Environment::Constant(radiance) => Environment::Constant(*radiance * Vec3::from(scale)),
+                Environment::Gradient(bands) => Environment::Gradient(Gradient {
+                    zenith: bands.zenith * Vec3::from(scale),
+                    horizon: bands.horizon * Vec3::from(scale),
+                    nadir: bands.nadir * Vec3::from(scale),
+                }),
+                Environment::Sky(sky) => Environment::Sky(Sky {
+                    scale: sky.scale * Vec3::from(scale),
+                    to_sun: Mat3::from_rotation_y(turn) * sky.to_sun,
+                    ..*sky
+                }),
+                Environment::Map(map) => Environment::Map(EnvironmentMap {
+                    scale: map.scale * Vec3::from(scale),
+                    world_from_environment: Mat3::from_rotation_y(turn) * map.world_from_environment,
+                    ..map.clone()
+                }),
+            },
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Holds the frame time while something moves: how many pixels fit into it.
+
+/// What the user asks of the governor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Goal {
+    /// Frames per second while something moves; `None` always makes the whole picture.
+    pub(crate) frames_per_second: Option<f32>,
+}
+
+/// Smallest share of the picture's width and height.
+const SMALLEST: f32 = 0.2;
+/// How much the scale changes from one step to the next: a picture that changes its size all the time is restless.
+const STEP: f32 = 0.85;
+
+/// Chooses the scale of moving pictures from what the last ones took.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Governor {
+    scale: f32,
+    /// Milliseconds per pixel, smoothed.
+    cost: Option<f64>,
+}
+
+impl Default for Governor {
+    /// Knows nothing yet: begins at half the size, so that the first movement in a costly scene does not stall.
+    fn default() -> Self {
+        Self { scale: 0.5, cost: None }
+    }
+}
+
+impl Governor {
+    /// Share of the full picture's width and height for the next moving picture.
+    pub(crate) fn scale(&self, goal: Goal) -> f32 {
+        if goal.frames_per_second.is_some() { self.scale } else { 1.0 }
+    }
+
+    /// Learns from a finished moving picture of `pixels` that took so long; `full` are the pixels at scale 1.
+    pub(crate) fn learn(&mut self, goal: Goal, full: u32, pixels: u32, milliseconds: f64) {
+        let Some(rate) = goal.frames_per_second else { return };
+        let cost = milliseconds.max(1e-3) / f64::from(pixels.max(1));
+        // What is dearer than expected counts at once, what is cheaper only by and by.
+        let cost = self
+            .cost
+            .map_or(cost, |old| if cost > old { 0.5 * (old + cost) } else { 0.8 * old + 0.2 * cost });
+        self.cost = Some(cost);
+        let budget = 1e3 / f64::from(rate.clamp(0.1, 1000.0));
+        let ideal = (budget / (cost * f64::from(full.max(1)))).sqrt() as f32;
+        let ideal = ideal.clamp(SMALLEST, 1.0);
+        if ideal < self.scale * STEP.sqrt() {
+            self.scale = (self.scale * STEP).max(ideal.min(self.scale)).max(SMALLEST);
+            if ideal < self.scale * STEP {
+                self.scale = ideal;
+            }
+        } else if ideal * STEP > self.scale || ideal == 1.0 {
+            self.scale = (self.scale / STEP).min(1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of `cost` ms per full picture plus 2 ms each; returns the last scale and its frame time.
+    fn settle(governor: &mut Governor, cost: f64) -> (f32, f64) {
+        let goal = Goal { frames_per_second: Some(20.0) };
+        let mut last = (0.0, 0.0);
+        for _ in 0..60 {
+            let scale = governor.scale(goal);
+            let pixels = (f64::from(scale * scale) * 300_000.0) as u32;
+            let milliseconds = 2.0 + cost * f64::from(pixels) / 300_000.0;
+            governor.learn(goal, 300_000, pixels, milliseconds);
+            last = (scale, milliseconds);
+        }
+        last
+    }
+
+    #[test]
+    fn the_frame_time_is_held_and_no_pixels_are_wasted() {
+        let mut governor = Governor::default();
+        for cost in [20.0, 100.0, 400.0, 60.0] {
+            let (scale, time) = settle(&mut governor, cost);
+            assert!(time < 50.0 * 1.2, "{cost}: {time} ms at {scale}");
+            assert!(scale == 1.0 || time > 50.0 * 0.55, "{cost}: {time} ms at {scale}");
+        }
+        let (scale, _) = settle(&mut governor, 1e5);
+        assert_eq!(scale, SMALLEST);
+        assert_eq!(governor.scale(Goal { frames_per_second: None }), 1.0);
+    }
+}
