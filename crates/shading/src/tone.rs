@@ -32,7 +32,7 @@ pub fn tone_map(color: &[Vec3], ev: f32) -> Vec<u8> {
 }
 
 /// Rows of RGB bytes, sRGB-encoded, of a picture so many pixels wide after `ev` stops of exposure and a tone curve: a pixel
-/// shader that answers for a display, see [`PixelInfo::for_display`](heliostat_shading::pixel::PixelInfo::for_display).
+/// shader that answers for a display, see [`PixelInfo::for_display`](crate::pixel::PixelInfo::for_display).
 pub fn tone_map_by(curve: &BoundPixelShader, color: &[Vec3], width: u32, ev: f32) -> Vec<u8> {
     let gain = ev.exp2();
     let color: Vec<Vec3> = color.iter().map(|&c| c * gain).collect();
@@ -53,8 +53,8 @@ fn byte(shown: f32) -> u8 {
 
 #[cfg(test)]
 mod tests {
+    use crate::pixel::PixelRegistry;
     use heliostat_scene::ShaderUse;
-    use heliostat_shading::pixel::PixelRegistry;
 
     use super::*;
 
