@@ -196,6 +196,8 @@ fn light_kind(kind: &LightKind) -> &'static str {
         LightKind::Spot { .. } => "spot",
         LightKind::ConstantPoint { .. } => "point without fall-off",
         LightKind::Directional { .. } => "directional",
+        LightKind::Profile { .. } => "measured profile",
+        LightKind::Projector { .. } => "projector",
     }
 }
 
@@ -204,6 +206,8 @@ fn projection(camera: &Camera) -> String {
         Projection::Perspective { vertical_fov } => format!("perspective {:.1}°", vertical_fov.to_degrees()),
         Projection::Orthographic { height } => format!("orthographic {height} m"),
         Projection::Panoramic => "panoramic".into(),
+        Projection::FisheyeEquidistant { fov } => format!("equidistant fisheye {:.1}°", fov.to_degrees()),
+        Projection::FisheyeEquisolid { fov } => format!("equisolid fisheye {:.1}°", fov.to_degrees()),
     }
 }
 
@@ -211,6 +215,8 @@ fn environment(environment: &Environment) -> String {
     match environment {
         Environment::None => "none".into(),
         Environment::Constant(radiance) => format!("constant {radiance}"),
+        Environment::Gradient(_) => "gradient".into(),
+        Environment::Sky(sky) => format!("clear sky of turbidity {}", sky.turbidity),
         Environment::Map(map) => format!("map {}×{}", map.image.width, map.image.height),
     }
 }

@@ -13,9 +13,10 @@ use heliostat::lighting;
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
-    MaterialOverride, Plane, RebuildKind, Scene,
+    MaterialOverride, Plane, RebuildKind, Scene, Sky,
 };
 use heliostat::shading::ShaderRegistry;
+use heliostat_viewer::Own;
 use serde_json::{Value, json};
 
 use super::failure::Failure;
@@ -91,6 +92,9 @@ pub(super) struct Arguments {
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]
     no_compensation: bool,
+    /// Photons that bring the light which mirrors and glass throw on other surfaces, for `igi`; 0 leaves it out
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1 << 20))]
+    photons: u32,
     /// Show materials as they are, or all as diffuse
     #[arg(long, default_value = "as-is")]
     materials: Materials,
@@ -98,9 +102,13 @@ pub(super) struct Arguments {
     /// object and instance identifiers are those of the merged objects
     #[arg(long)]
     group: bool,
-    /// Replaces the scene's environment: a picture, a colour, or `none`
-    #[arg(long, value_name = "FILE|R,G,B|none", allow_hyphen_values = true)]
+    /// Replaces the scene's environment: a picture, a colour, a gradient of three (up, horizon, down), or `none`
+    #[arg(long, value_name = "FILE|R,G,B|UP/HORIZON/DOWN|none", allow_hyphen_values = true)]
     environment: Option<Surroundings>,
+    /// Replaces the scene's environment by a clear sky with the sun: haze (1.7 to 10), and where the sun stands in degrees
+    /// above the horizon and from −Z towards +X
+    #[arg(long, value_name = "TURBIDITY,ELEVATION,AZIMUTH", value_parser = values::sky, conflicts_with = "environment", allow_hyphen_values = true)]
+    sky: Option<Sky>,
     /// Leave a scene without any light dark
     #[arg(long)]
     no_default_light: bool,
@@ -237,6 +245,7 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
     input::show(&source.diagnostics);
     let mut edits = source.edits;
     edits.extend(environment(arguments.environment.as_ref())?);
+    edits.extend(arguments.sky.map(|sky| Edit::Environment(Environment::Sky(sky))));
     let mut scene = Scene::default();
     scene.apply(&edits)?;
     if !scene.has_light() && !arguments.no_default_light && arguments.environment.is_none() {
@@ -262,7 +271,7 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
     }
     let first = sequence.frames().start;
     edits.extend(sequence.edits(first));
-    let own = scene.environment().clone();
+    let own = Own::of(&scene);
     edits.extend(sequence.changes(first, &scene, &own)?);
     let engine = build(arguments, edits)?;
     render(arguments, &mut sequence, &mut pictures, engine, &own)?;
@@ -300,7 +309,7 @@ fn render(
     sequence: &mut Sequence,
     pictures: &mut Pictures,
     (mut engine, mut applied): (Engine, ApplyReport),
-    own: &Environment,
+    own: &Own,
 ) -> Result<(), Failure> {
     let frames = sequence.frames();
     let mut framed = None;
@@ -395,6 +404,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             filter: !arguments.no_filter,
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
+            photons: arguments.photons,
         },
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size().width, arguments.size().height)
@@ -407,6 +417,7 @@ fn environment(surroundings: Option<&Surroundings>) -> Result<Option<Edit>, Fail
         None => None,
         Some(Surroundings::None) => Some(Edit::Environment(Environment::None)),
         Some(Surroundings::Constant(radiance)) => Some(Edit::Environment(Environment::Constant(*radiance))),
+        Some(Surroundings::Gradient(gradient)) => Some(Edit::Environment(Environment::Gradient(*gradient))),
         Some(Surroundings::File(path)) => Some(Edit::Environment(environment_map(path)?)),
     })
 }

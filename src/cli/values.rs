@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use glam::Vec3;
+use heliostat::scene::{Gradient, Sky};
 
 /// Most pixels along one edge, and in one picture.
 const MAX_EDGE: u32 = 1 << 16;
@@ -46,6 +47,28 @@ pub(super) fn vector(text: &str) -> Result<Vec3, String> {
     }
 }
 
+/// `TURBIDITY,ELEVATION,AZIMUTH` of a sky, angles in degrees.
+pub(super) fn sky(text: &str) -> Result<Sky, String> {
+    let form = || format!("`{text}` is no sky; write TURBIDITY,ELEVATION,AZIMUTH, such as 3,40,135");
+    let [turbidity, elevation, azimuth] = numbers(text)?[..] else { return Err(form()) };
+    if !(1.7..=10.0).contains(&turbidity) {
+        return Err(format!(
+            "turbidity {turbidity} is out of range; give 1.7 (very clear) to 10 (thick haze)"
+        ));
+    }
+    if !(0.0..=90.0).contains(&elevation) {
+        return Err(format!("the sun cannot stand {elevation}° high; give 0 to 90"));
+    }
+    Ok(Sky::new(turbidity, elevation.to_radians(), (azimuth % 360.0).to_radians()))
+}
+
+/// A full angle in degrees up to the whole sphere, as radians.
+pub(super) fn wide_angle(text: &str) -> Result<f32, String> {
+    let degrees = text.parse::<f32>().ok().filter(|d| (0.1..=360.0).contains(d));
+    let problem = || format!("`{text}` is not a field of view; give degrees from 0.1 to 360");
+    degrees.map(f32::to_radians).ok_or_else(problem)
+}
+
 /// `R,G,B` or one number for all three, finite and at least 0.
 pub(super) fn color(text: &str) -> Result<Vec3, String> {
     let color = match numbers(text)?[..] {
@@ -65,13 +88,6 @@ fn numbers(text: &str) -> Result<Vec<f32>, String> {
         number.ok_or_else(|| format!("`{part}` in `{text}` is not a finite number"))
     };
     text.split(',').map(parse).collect()
-}
-
-/// A full angle in degrees between 0 and 180, as radians.
-pub(super) fn angle(text: &str) -> Result<f32, String> {
-    let degrees = text.parse::<f32>().ok().filter(|d| (0.01..=179.0).contains(d));
-    let problem = || format!("`{text}` is not a field of view; give degrees from 0.01 to 179");
-    degrees.map(f32::to_radians).ok_or_else(problem)
 }
 
 /// Frame numbers `A..B` (without B) or one number.
@@ -145,6 +161,7 @@ impl FromStr for Exposure {
 pub(super) enum Surroundings {
     None,
     Constant(Vec3),
+    Gradient(Gradient),
     File(PathBuf),
 }
 
@@ -158,7 +175,11 @@ impl FromStr for Surroundings {
         // What starts like a number and is no file must be a colour, so that its errors are about colours.
         let numeric = text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
         if numeric && !std::path::Path::new(text).exists() {
-            return color(text).map(Self::Constant);
+            let Some((zenith, rest)) = text.split_once('/') else { return color(text).map(Self::Constant) };
+            let form = || format!("`{text}` is no gradient; write ZENITH/HORIZON/NADIR, a colour each");
+            let (horizon, nadir) = rest.split_once('/').ok_or_else(form)?;
+            let (zenith, horizon, nadir) = (color(zenith)?, color(horizon)?, color(nadir)?);
+            return Ok(Self::Gradient(Gradient { zenith, horizon, nadir }));
         }
         Ok(Self::File(text.into()))
     }
@@ -198,7 +219,7 @@ mod tests {
         assert_eq!("-1.5".parse(), Ok(Exposure::Ev(-1.5)));
         assert_eq!("auto".parse(), Ok(Exposure::Auto));
         assert!("bright".parse::<Exposure>().is_err());
-        assert!(angle("180").is_err());
+        assert!(wide_angle("361").is_err() && wide_angle("0").is_err());
     }
 
     #[test]
@@ -207,5 +228,11 @@ mod tests {
         assert_eq!("0.2,0.3,1".parse(), Ok(Surroundings::Constant(Vec3::new(0.2, 0.3, 1.0))));
         assert_eq!("sky.hdr".parse(), Ok(Surroundings::File("sky.hdr".into())));
         assert!("1,2".parse::<Surroundings>().is_err());
+        let (zenith, horizon, nadir) = (Vec3::ONE, Vec3::splat(0.5), Vec3::new(0.1, 0.2, 0.3));
+        let gradient = Gradient { zenith, horizon, nadir };
+        assert_eq!("1/0.5/0.1,0.2,0.3".parse(), Ok(Surroundings::Gradient(gradient)));
+        assert!("1/0.5".parse::<Surroundings>().is_err());
+        assert_eq!(sky("3,90,0").map(|sky| sky.turbidity), Ok(3.0));
+        assert!(sky("1,20,0").is_err() && sky("3,-1,0").is_err() && sky("3,20").is_err());
     }
 }

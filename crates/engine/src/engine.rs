@@ -200,6 +200,7 @@ impl Engine {
             filter: options.filter,
             clamp: options.clamp,
             compensate: options.compensate,
+            photons: options.photons,
         };
         let mut frame = IgiFrame::new(view, settings, igi);
         let size = film.size();

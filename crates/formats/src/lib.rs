@@ -11,6 +11,7 @@
 //! | Animated File Format of BART (`.aff`) | see [`aff`](mod@crate::aff) |
 //! | Neutral File Format of the SPD (`.nff`) | see [`nff`](mod@crate::nff) |
 //! | Quake III Arena maps (`.bsp`) | see [`bsp`](mod@crate::bsp) |
+//! | photometric files (`.ies`, Radiance's `.dat`) | see [`ies`](mod@crate::ies) |
 //!
 //! Text formats and PLY may be compressed (`.gz`). Scenes keep the up axis of the file, which is +Y by rule or custom;
 //! NFF and BSP are turned to it.
@@ -41,6 +42,7 @@ mod context;
 mod diagnostic;
 mod error;
 pub mod gltf;
+pub mod ies;
 pub mod image;
 mod limits;
 pub mod nff;
@@ -113,6 +115,7 @@ pub fn load_bytes(
         Format::Bsp => still(bsp::load(&mut context, &file, &bytes)?),
         Format::Glb => gltf::load_glb(&mut context, &file, &bytes)?,
         Format::Gltf => gltf::load_gltf(&mut context, &file, &bytes)?,
+        Format::Ies => still(ies::load(&mut context, &file, &bytes)?),
         Format::Nff => still(nff::load(&mut context, &file, &bytes)?),
         Format::Obj => still(obj::load(&mut context, &file, &bytes)?),
         Format::Ply => still(ply::load(&mut context, &file, &bytes)?),
@@ -127,6 +130,7 @@ enum Format {
     Bsp,
     Glb,
     Gltf,
+    Ies,
     Nff,
     Obj,
     Ply,
@@ -145,6 +149,9 @@ impl Format {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             return Ok(Self::Ply);
         }
+        if text.starts_with(b"IESNA") || text.starts_with(b"IES:LM-63") {
+            return Ok(Self::Ies);
+        }
         if text.starts_with(b"{") {
             return Ok(Self::Gltf);
         }
@@ -157,12 +164,13 @@ impl Format {
             "obj" => return Ok(Self::Obj),
             "nff" => return Ok(Self::Nff),
             "aff" => return Ok(Self::Aff),
+            "ies" | "dat" => return Ok(Self::Ies),
             _ if looks_like_nff(text) => return Ok(Self::Nff),
             _ if looks_like_obj(text) => return Ok(Self::Obj),
             _ => {
                 let problem =
                     if bytes.is_empty() { "the file is empty" } else { "this is no known scene format" };
-                let hint = "give a glTF (.gltf, .glb), OBJ, PLY, NFF, AFF or BSP file";
+                let hint = "give a glTF (.gltf, .glb), OBJ, PLY, NFF, AFF, BSP or IES file";
                 return Err(LoadError::unsupported(Place::whole(file), problem, hint));
             }
         };

@@ -15,6 +15,8 @@ pub struct Camera {
     pub projection: Projection,
     /// `None` is a pinhole: everything is in focus.
     pub lens: Option<Lens>,
+    /// `None` is a single eye.
+    pub stereo: Option<Stereo>,
 }
 
 /// How directions map to the picture. Width follows from the picture's aspect ratio.
@@ -32,6 +34,49 @@ pub enum Projection {
     },
     /// The whole sphere of directions: longitude over the width, latitude over the height.
     Panoramic,
+    /// Equidistant fisheye: the angle from the view axis grows with the distance from the picture's centre. Beyond a
+    /// half turn it stays there.
+    FisheyeEquidistant {
+        /// Full angle over the picture's height, radians, at most 2π.
+        fov: f32,
+    },
+    /// Equisolid-angle fisheye, as most real ones: equal areas of the picture show equal solid angles. Beyond a half turn
+    /// the angle stays there.
+    FisheyeEquisolid {
+        /// Full angle over the picture's height, radians, at most 2π.
+        fov: f32,
+    },
+}
+
+/// Two eyes beside each other, along the camera's X.
+///
+/// A panorama has its eyes on a circle, always beside each other as seen along the ray, and takes no account of
+/// `convergence`.
+///
+/// # References
+/// Ishiguro, Yamamoto, Tsuji, "Omni-Directional Stereo", 1992 (panoramas).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stereo {
+    /// Between the eyes, metres.
+    pub separation: f32,
+    /// Where both eyes' pictures coincide: distance along the view axis (of a fisheye: along the ray), metres; infinity
+    /// makes them look along parallel axes.
+    pub convergence: f32,
+    /// What of it the picture shows.
+    pub view: StereoView,
+}
+
+/// What a picture shows of two eyes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StereoView {
+    /// The left eye's picture.
+    Left,
+    /// The right eye's picture.
+    Right,
+    /// The left eye's picture in the left half, the right eye's in the right half.
+    SideBySide,
+    /// The left eye's picture above the right eye's.
+    OverUnder,
 }
 
 /// A thin lens: depth of field.
@@ -56,6 +101,7 @@ impl Camera {
             motion: None,
             projection: Projection::Perspective { vertical_fov },
             lens: None,
+            stereo: None,
         }
     }
 
@@ -76,7 +122,19 @@ impl Camera {
             Projection::Orthographic { height } if !(height.is_finite() && height > 0.0) => {
                 return Some(format!("orthographic `height` is {height}; give a positive value"));
             }
+            Projection::FisheyeEquidistant { fov } | Projection::FisheyeEquisolid { fov }
+                if !(1e-3..=std::f32::consts::TAU + 1e-4).contains(&fov) =>
+            {
+                return Some(format!("`fov` is {fov} rad; give a value from 0.001 to 2π"));
+            }
             _ => {}
+        }
+        if let Some(Stereo { separation, convergence, .. }) = self.stereo
+            && !((0.0..f32::INFINITY).contains(&separation) && convergence > 0.0)
+        {
+            return Some(format!(
+                "eyes {separation} m apart that converge at {convergence} m; give at least 0, and a positive distance or infinity"
+            ));
         }
         let lens = self.lens?;
         (!(lens.radius >= 0.0

@@ -49,12 +49,14 @@ pub struct IgiOptions {
     pub clamp: f32,
     /// Whether short rays give back the light that `clamp` takes away.
     pub compensate: bool,
+    /// Photons of each pass, which bring the light that mirrors and glass throw on other surfaces; at most 2^20, none at 0.
+    pub photons: u32,
 }
 
 impl Default for IgiOptions {
-    /// 3×3 sets of 8 paths, filtered, bounded at eight times the typical irradiance, with the rest given back.
+    /// 3×3 sets of 8 paths, filtered, bounded at eight times the typical irradiance, with the rest given back; 20,000 photons.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true, photons: 20_000 }
     }
 }
 
@@ -72,6 +74,9 @@ impl IgiOptions {
         if self.paths * n * m > most {
             let paths = self.paths;
             return Some(format!("{paths} paths for each of {n}×{m} sets; give at most {most} in all"));
+        }
+        if self.photons > 1 << 20 {
+            return Some(format!("{} photons; give at most {}", self.photons, 1 << 20));
         }
         (self.clamp.is_nan() || self.clamp <= 0.0)
             .then(|| format!("`clamp` is {}; give a positive number or infinity", self.clamp))

@@ -1,10 +1,11 @@
-//! Lights that are not emissive surfaces, and the environment.
+//! Lights that are not emissive surfaces.
 
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
-use crate::Image;
+use crate::environment::rotation_problem;
+use crate::{Image, Profile};
 
 /// A light without area. Area lights are instances of objects with emissive materials.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +17,7 @@ pub struct Light {
 }
 
 /// Kinds of lights. Positions and directions are in world space; directions need not be unit length.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {
     /// Emits equally in all directions.
     Point {
@@ -57,6 +58,34 @@ pub enum LightKind {
         /// Irradiance on a surface facing the light, W/m².
         irradiance: Vec3,
     },
+    /// A point whose intensity over direction was measured.
+    Profile {
+        /// World space, metres.
+        position: Vec3,
+        /// Rotation. In light space the light aims along −Z; [`Profile`] says the rest.
+        world_from_light: Mat3,
+        /// Multiplies the profile.
+        scale: Vec3,
+        /// Intensity over direction; shared by lights of one make.
+        profile: Arc<Profile>,
+        /// As for [`LightKind::Point`].
+        range: f32,
+    },
+    /// Throws a picture onto whatever it meets, as bright all over on a screen that stands across its axis.
+    Projector {
+        /// World space, metres.
+        position: Vec3,
+        /// Rotation. In light space the picture goes along −Z, its top towards +Y.
+        world_from_light: Mat3,
+        /// Radiant intensity on the axis where the picture is white, W/sr.
+        intensity: Vec3,
+        /// Full angle over the picture's height, radians, below π.
+        vertical_fov: f32,
+        /// Multiplies the intensity: float images as they are, 8-bit ones decoded from sRGB.
+        image: Arc<Image>,
+        /// As for [`LightKind::Point`].
+        range: f32,
+    },
 }
 
 impl Light {
@@ -66,6 +95,32 @@ impl Light {
         let direction_ok = |d: Vec3| d.is_finite() && d.length_squared() > 0.0;
         let (place, direction, power, range) = match self.kind {
             LightKind::Point { position, intensity, range } => (position, Vec3::Y, intensity, range),
+            LightKind::Profile { position, ref world_from_light, scale, ref profile, range } => {
+                let rotation = rotation_problem(world_from_light, "world_from_light");
+                if let Some(problem) = rotation.or_else(|| profile.problem()) {
+                    return Some(problem);
+                }
+                (position, Vec3::Y, scale, range)
+            }
+            LightKind::Projector {
+                position,
+                ref world_from_light,
+                intensity,
+                vertical_fov,
+                ref image,
+                range,
+            } => {
+                let rotation = rotation_problem(world_from_light, "world_from_light");
+                if let Some(problem) = rotation.or_else(|| image.inconsistency()) {
+                    return Some(problem);
+                }
+                if !(1e-3..3.1).contains(&vertical_fov) {
+                    return Some(format!(
+                        "`vertical_fov` is {vertical_fov} rad; give a value from 0.001 to 3.1"
+                    ));
+                }
+                (position, Vec3::Y, intensity, range)
+            }
             LightKind::Spot { position, direction, intensity, range, inner_angle, outer_angle } => {
                 if !(0.0 <= inner_angle && inner_angle <= outer_angle && outer_angle <= 1.571) {
                     return Some(format!(
@@ -88,53 +143,5 @@ impl Light {
         }
         (range.is_nan() || range <= 0.0)
             .then(|| format!("range is {range}; give a positive value or infinity"))
-    }
-}
-
-/// Radiance from outside the scene.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Environment {
-    /// Black.
-    #[default]
-    None,
-    /// The same radiance from everywhere.
-    Constant(Vec3),
-    /// An image around the scene.
-    Map(EnvironmentMap),
-}
-
-/// A latitude-longitude image: row 0 is up (+Y), the middle column lies in direction −Z of environment space, and
-/// columns further right turn towards +X.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EnvironmentMap {
-    /// Radiance: float images as they are, 8-bit ones decoded from sRGB.
-    pub image: Arc<Image>,
-    /// Multiplies the image.
-    pub scale: Vec3,
-    /// Rotation of the map.
-    pub world_from_environment: Mat3,
-}
-
-impl EnvironmentMap {
-    fn rotation_problem(&self) -> Option<String> {
-        let rotation = self.world_from_environment;
-        let orthonormal = (rotation.transpose() * rotation).abs_diff_eq(Mat3::IDENTITY, 1e-3);
-        (!orthonormal).then(|| "`world_from_environment` is no rotation; give orthonormal columns".into())
-    }
-}
-
-impl Environment {
-    /// What is out of range, if anything.
-    pub(crate) fn inconsistency(&self) -> Option<String> {
-        let (scale, problem) = match self {
-            Self::None => return None,
-            Self::Constant(radiance) => (*radiance, None),
-            Self::Map(map) => (map.scale, map.image.inconsistency().or_else(|| map.rotation_problem())),
-        };
-        if problem.is_some() {
-            return problem;
-        }
-        (!(scale.is_finite() && scale.min_element() >= 0.0))
-            .then(|| format!("radiance or scale is {scale}; give finite values of at least 0"))
     }
 }

@@ -1,20 +1,27 @@
-//! Camera rays.
+//! Camera rays, single ones and packets.
 
 use std::f32::consts::{PI, TAU};
 
+use fearless_simd::{Level, Simd};
 use glam::{Affine3A, Mat3A, Vec2, Vec3};
-use heliostat_scene::{Camera, Projection};
+use heliostat_scene::{Camera, Projection, StereoView};
 
-use crate::placement::mix;
-use crate::sampling::concentric_disk;
+use crate::basis::Basis;
+use crate::lanes::{Floats, Packet, Real, Vector, Vectors, cos_sin_turns};
+use crate::packet::on_lanes;
+use crate::sampling::disk_lanes;
+use crate::surface::LaneMode;
 
 /// A camera made ready for one picture size.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
     camera: Camera,
-    /// Pixels.
+    /// Of one eye's picture, pixels.
     size: Vec2,
     world_from_camera: Affine3A,
+    /// From heights of the picture to what the projection needs: tangents, metres, turns, sines.
+    scale: f32,
+    cone: Cone,
 }
 
 /// One camera ray with its footprint.
@@ -47,83 +54,287 @@ impl Cone {
     }
 }
 
+/// Where the rays of a packet go through the picture.
+#[derive(Clone, Debug, Default)]
+pub struct PicturePoints {
+    /// Pixels, from the top left corner.
+    pub pixel: [Floats; 2],
+    /// Points of the unit square that pick a point on the lens.
+    pub lens: [Floats; 2],
+    /// In [0, 1] of the shutter interval.
+    pub time: Floats,
+}
+
+/// Camera rays, a lane each.
+#[derive(Clone, Debug, Default)]
+pub struct RayPacket {
+    /// World space.
+    pub origin: Vectors,
+    /// Unit length.
+    pub direction: Vectors,
+}
+
+/// A camera's place, per lane: origin and axes of unit length.
+struct Place<F> {
+    origin: Vector<F>,
+    axes: [Vector<F>; 3],
+}
+
 impl CameraRays {
     /// For a picture of `width` × `height` pixels.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
+        let picture = Vec2::new(width as f32, height as f32);
+        let size = match camera.stereo.map(|stereo| stereo.view) {
+            Some(StereoView::SideBySide) => picture * Vec2::new(0.5, 1.0),
+            Some(StereoView::OverUnder) => picture * Vec2::new(1.0, 0.5),
+            _ => picture,
+        };
+        let (scale, cone) = match camera.projection {
+            Projection::Perspective { vertical_fov } => {
+                let scale = 2.0 * (0.5 * vertical_fov).tan();
+                (scale, Cone { width: 0.0, spread: scale / size.y })
+            }
+            Projection::Orthographic { height } => (height, Cone { width: height / size.y, spread: 0.0 }),
+            Projection::Panoramic => (1.0, Cone { width: 0.0, spread: PI / size.y }),
+            // Half the picture's height is half the angle; the lanes' functions take turns.
+            Projection::FisheyeEquidistant { fov } => (fov / TAU, Cone { width: 0.0, spread: fov / size.y }),
+            Projection::FisheyeEquisolid { fov } => {
+                let scale = 2.0 * (0.25 * fov).sin();
+                (scale, Cone { width: 0.0, spread: 2.0 * scale / size.y })
+            }
+        };
         Self {
-            size: Vec2::new(width as f32, height as f32),
+            size,
             world_from_camera: rigid(&camera.world_from_camera),
             camera: camera.clone(),
+            scale,
+            cone,
         }
     }
 
     /// The point all rays start from when the shutter opens, if there is one.
     pub fn common_origin(&self) -> Option<Vec3> {
-        let orthographic = matches!(self.camera.projection, Projection::Orthographic { .. });
-        (!orthographic && self.lens_radius() == 0.0).then(|| self.world_from_camera.translation.into())
+        let spread = match (self.camera.projection, self.camera.stereo) {
+            (Projection::Orthographic { .. }, _) => true,
+            (_, None) => false,
+            (Projection::Panoramic, Some(_)) => true,
+            (_, Some(stereo)) => !matches!(stereo.view, StereoView::Left | StereoView::Right),
+        };
+        if spread || self.lens_radius() > 0.0 {
+            return None;
+        }
+        Some(self.ray(Vec2::ZERO, Vec2::splat(0.5), 0.0).origin)
     }
 
     fn lens_radius(&self) -> f32 {
         self.camera.lens.map_or(0.0, |lens| lens.radius)
     }
 
-    /// Where the camera stands when the shutter opens, world space.
+    /// Where the camera stands when the shutter opens, world space: between its eyes.
     pub fn position(&self) -> Vec3 {
         self.world_from_camera.translation.into()
+    }
+
+    /// The footprint of a pixel at the start of its ray; the same for all.
+    pub fn cone(&self) -> Cone {
+        self.cone
     }
 
     /// The ray through a point of the picture (pixels, from the top left corner); `u_lens` picks a point on the lens;
     /// `time` lies in [0, 1] of the shutter interval.
     pub fn ray(&self, pixel: Vec2, u_lens: Vec2, time: f32) -> CameraRay {
-        let ndc = (pixel - 0.5 * self.size) * Vec2::new(1.0, -1.0) / self.size.y;
-        let (origin, direction, cone) = match self.camera.projection {
-            Projection::Perspective { vertical_fov } => {
-                let scale = 2.0 * (0.5 * vertical_fov).tan();
-                let direction = (scale * ndc).extend(-1.0);
-                (Vec3::ZERO, direction, Cone { width: 0.0, spread: scale / self.size.y })
+        let (origin, direction) = self.lanes::<f32>((), pixel.into(), u_lens.into(), time);
+        CameraRay { origin: origin.into(), direction: direction.into(), cone: self.cone }
+    }
+
+    /// The rays through the first `count` points, of the same bits as [`Self::ray`] gives.
+    pub fn rays(&self, mode: LaneMode, points: &PicturePoints, count: usize, out: &mut RayPacket) {
+        on_lanes!(mode, count, |token, lane| ray_lanes::<_>(token, lane, self, points, out));
+    }
+
+    #[inline(always)]
+    fn lanes<F: Real>(
+        &self,
+        token: F::Token,
+        pixel: [F; 2],
+        u_lens: [F; 2],
+        time: F,
+    ) -> (Vector<F>, Vector<F>) {
+        let zero = F::constant(token, 0.0);
+        let (pixel, eye) = self.eye(token, pixel);
+        // From the picture's centre, in heights of the picture, y up.
+        let x = (pixel[0] - 0.5 * self.size.x) * (1.0 / self.size.y);
+        let y = (pixel[1] - 0.5 * self.size.y) * (-1.0 / self.size.y);
+        let mut origin = Vector::grey(zero);
+        let mut direction = Vector::new(zero, zero, F::constant(token, -1.0));
+        // Along rays through the centre, in which direction the right eye lies.
+        let mut aside = Vector::new(F::constant(token, 1.0), zero, zero);
+        match self.camera.projection {
+            Projection::Perspective { .. } => {
+                direction = Vector::new(x * self.scale, y * self.scale, direction.z);
             }
-            Projection::Orthographic { height } => {
-                let origin = (height * ndc).extend(0.0);
-                (origin, Vec3::NEG_Z, Cone { width: height / self.size.y, spread: 0.0 })
-            }
+            Projection::Orthographic { .. } => origin = Vector::new(x * self.scale, y * self.scale, zero),
             Projection::Panoramic => {
-                let (longitude, latitude) =
-                    (TAU * (pixel.x / self.size.x - 0.5), PI * (0.5 - pixel.y / self.size.y));
-                let (sin, cos) = longitude.sin_cos();
-                let direction = Vec3::new(latitude.cos() * sin, latitude.sin(), -latitude.cos() * cos);
-                (Vec3::ZERO, direction, Cone { width: 0.0, spread: PI / self.size.y })
+                let (cos, sin) = cos_sin_turns(pixel[0] * (1.0 / self.size.x) - 0.5);
+                let (across, up) = cos_sin_turns((pixel[1] * (-1.0 / self.size.y) + 0.5) * 0.5);
+                direction = Vector::new(across * sin, up, -(across * cos));
+                aside = Vector::new(cos, zero, sin);
             }
-        };
+            Projection::FisheyeEquidistant { .. } | Projection::FisheyeEquisolid { .. } => {
+                direction = self.fisheye(x, y);
+            }
+        }
+        if let (Some(stereo), Some(side)) = (self.camera.stereo, eye) {
+            let offset = aside * (side * (0.5 * stereo.separation));
+            direction = self.converged(direction, offset, stereo.convergence);
+            origin = origin + offset;
+        }
         let (origin, direction) = self.through_lens(origin, direction, u_lens);
-        let world_from_camera = match (self.camera.motion, time > 0.0) {
-            (Some(end), true) => rigid(&mix(&self.camera.world_from_camera, &end, time)),
-            _ => self.world_from_camera,
-        };
-        CameraRay {
-            origin: world_from_camera.transform_point3(origin),
-            direction: world_from_camera.transform_vector3(direction).normalize(),
-            cone,
+        let place = self.place(token, time);
+        let [right, up, back] = place.axes;
+        let turned = right * direction.x + up * direction.y + back * direction.z;
+        let moved = place.origin + right * origin.x + up * origin.y + back * origin.z;
+        (moved, turned.normalized_or(-back))
+    }
+
+    /// The point of an eye's own picture, and which eye: −1 is the left one, 1 the right one.
+    #[inline(always)]
+    fn eye<F: Real>(&self, token: F::Token, [x, y]: [F; 2]) -> ([F; 2], Option<F>) {
+        let (left, right) = (F::constant(token, -1.0), F::constant(token, 1.0));
+        match self.camera.stereo.map(|stereo| stereo.view) {
+            None => ([x, y], None),
+            Some(StereoView::Left) => ([x, y], Some(left)),
+            Some(StereoView::Right) => ([x, y], Some(right)),
+            Some(StereoView::SideBySide) => {
+                let second = x.ge(F::constant(token, self.size.x));
+                ([(x - self.size.x).where_or(second, x), y], Some(right.where_or(second, left)))
+            }
+            Some(StereoView::OverUnder) => {
+                let second = y.ge(F::constant(token, self.size.y));
+                ([x, (y - self.size.y).where_or(second, y)], Some(right.where_or(second, left)))
+            }
         }
     }
 
-    /// Moves the origin over the lens and aims at the same point of the plane (or, for panoramas, sphere) in focus.
-    fn through_lens(&self, origin: Vec3, direction: Vec3, u: Vec2) -> (Vec3, Vec3) {
+    /// The direction through a point of the picture, in heights of it from the centre.
+    #[inline(always)]
+    fn fisheye<F: Real>(&self, x: F, y: F) -> Vector<F> {
+        let r = (x * x + y * y).sqrt();
+        let (cos, sin) = match self.camera.projection {
+            Projection::FisheyeEquisolid { .. } => {
+                // The sine of half the angle is in proportion to the radius.
+                let half = (r * self.scale).min(r.splat(1.0));
+                let rest = (half * half).complement();
+                (rest - half * half, half * rest.sqrt() * 2.0)
+            }
+            _ => cos_sin_turns((r * self.scale).min(r.splat(0.5))),
+        };
+        let across = (sin / r).only(r.gt(r.splat(0.0)));
+        Vector::new(x * across, y * across, -cos)
+    }
+
+    /// A direction from an eye off the centre to the point that the centre sees at the distance of convergence.
+    #[inline(always)]
+    fn converged<F: Real>(&self, direction: Vector<F>, offset: Vector<F>, convergence: f32) -> Vector<F> {
+        let depth = match self.camera.projection {
+            Projection::Panoramic => return direction,
+            Projection::FisheyeEquidistant { .. } | Projection::FisheyeEquisolid { .. } => {
+                direction.x.splat(1.0)
+            }
+            _ => -direction.z,
+        };
+        // Infinity leaves the direction as it is.
+        direction - offset * (depth * (1.0 / convergence))
+    }
+
+    /// Moves the origin over the lens and aims at the same point of the plane (or, for panoramas and fisheyes, sphere) in
+    /// focus.
+    #[inline(always)]
+    fn through_lens<F: Real>(
+        &self,
+        origin: Vector<F>,
+        direction: Vector<F>,
+        u: [F; 2],
+    ) -> (Vector<F>, Vector<F>) {
         let Some(lens) = self.camera.lens.filter(|lens| lens.radius > 0.0) else {
             return (origin, direction);
         };
-        let depth = if self.camera.projection == Projection::Panoramic { 1.0 } else { -direction.z };
-        let focus = origin + direction * (lens.focus_distance / depth);
-        let on_lens = lens.radius * concentric_disk(u);
-        let origin = match self.camera.projection {
-            // A panorama has no axis: the lens stands across each ray.
-            Projection::Panoramic => {
-                let (x, y) = direction.any_orthonormal_pair();
-                origin + x * on_lens.x + y * on_lens.y
+        let zero = direction.x.splat(0.0);
+        let [lens_x, lens_y] = disk_lanes(u);
+        let (lens_x, lens_y) = (lens_x * lens.radius, lens_y * lens.radius);
+        let (depth, on_lens) = match self.camera.projection {
+            Projection::Perspective { .. } | Projection::Orthographic { .. } => {
+                (-direction.z, Vector::new(lens_x, lens_y, zero))
             }
-            _ => origin + on_lens.extend(0.0),
+            // Without one axis, the lens stands across each ray.
+            _ => {
+                let basis = Basis::from_normal(direction.normalized_or(direction));
+                (zero.splat(1.0), basis.to_world(Vector::new(lens_x, lens_y, zero)))
+            }
         };
-        (origin, focus - origin)
+        let focus = direction * (depth.recip() * lens.focus_distance);
+        (origin + on_lens, focus - on_lens)
     }
+
+    /// Where the camera stands at a time.
+    #[inline(always)]
+    fn place<F: Real>(&self, token: F::Token, time: F) -> Place<F> {
+        let constant = constant_place(token, &self.world_from_camera);
+        let Some(end) = &self.camera.motion else { return constant };
+        let open = constant_place(token, &self.camera.world_from_camera);
+        let close = constant_place(token, end);
+        // As for a place that does not move, per lane.
+        let back = between(open.axes[2], close.axes[2], time).normalized_or(constant.axes[2]);
+        let up = between(open.axes[1], close.axes[1], time);
+        let right = up.cross(back).normalized_or(constant.axes[0]);
+        let moves = time.gt(time.splat(0.0));
+        Place {
+            origin: between(open.origin, close.origin, time).where_or(moves, constant.origin),
+            axes: [
+                right.where_or(moves, constant.axes[0]),
+                back.cross(right).where_or(moves, constant.axes[1]),
+                back.where_or(moves, constant.axes[2]),
+            ],
+        }
+    }
+}
+
+/// Between two vectors as [`mix`](crate::placement::mix) has it.
+#[inline(always)]
+fn between<F: Real>(open: Vector<F>, close: Vector<F>, time: F) -> Vector<F> {
+    open * time.complement() + close * time
+}
+
+/// The entries of a transform in every lane.
+#[inline(always)]
+fn constant_place<F: Real>(token: F::Token, place: &Affine3A) -> Place<F> {
+    let Mat3A { x_axis, y_axis, z_axis } = place.matrix3;
+    Place {
+        origin: Vector::constant(token, place.translation.into()),
+        axes: [
+            Vector::constant(token, x_axis.into()),
+            Vector::constant(token, y_axis.into()),
+            Vector::constant(token, z_axis.into()),
+        ],
+    }
+}
+
+#[inline(always)]
+fn ray_lanes<F: Real>(
+    token: F::Token,
+    lane: usize,
+    camera: &CameraRays,
+    points: &PicturePoints,
+    out: &mut RayPacket,
+) {
+    let [pixel_x, pixel_y] = &points.pixel;
+    let [lens_u, lens_v] = &points.lens;
+    let pixel = [F::load(token, pixel_x, lane), F::load(token, pixel_y, lane)];
+    let u_lens = [F::load(token, lens_u, lane), F::load(token, lens_v, lane)];
+    let time = F::load(token, &points.time, lane);
+    let (origin, direction) = camera.lanes(token, pixel, u_lens, time);
+    origin.store(&mut out.origin, lane);
+    direction.store(&mut out.direction, lane);
 }
 
 /// The orientation and place of a transform: scale would distort directions.
@@ -138,6 +349,8 @@ fn rigid(place: &Affine3A) -> Affine3A {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::WIDTH;
+    use heliostat_kernel::Isa;
     use heliostat_scene::Lens;
 
     fn camera(projection: Projection, lens: Option<Lens>) -> CameraRays {
@@ -187,5 +400,110 @@ mod tests {
         assert!(rays.ray(Vec2::new(100.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::NEG_Z) < 1e-6);
         assert!(rays.ray(Vec2::new(150.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::X) < 1e-6);
         assert!(rays.ray(Vec2::new(3.0, 0.0), Vec2::ZERO, 0.0).direction.distance(Vec3::Y) < 1e-6);
+    }
+
+    #[test]
+    fn fisheyes_have_their_angles() {
+        let axis = Vec3::NEG_Z;
+        for (projection, half) in [
+            // At half the radius: half the angle, or half the sine of half the angle.
+            (Projection::FisheyeEquidistant { fov: 2.0 }, 0.5),
+            (Projection::FisheyeEquisolid { fov: 2.0 }, 2.0 * (0.5 * 0.5_f32.sin()).asin()),
+        ] {
+            let rays = camera(projection, None);
+            let angle =
+                |x: f32, y: f32| rays.ray(Vec2::new(x, y), Vec2::ZERO, 0.0).direction.angle_between(axis);
+            assert!((angle(100.0, 0.0) - 1.0).abs() < 1e-5 && (angle(150.0, 50.0) - 1.0).abs() < 1e-5);
+            assert!((angle(100.0, 25.0) - half).abs() < 1e-5, "{}", angle(100.0, 25.0));
+            assert!(angle(100.0, 50.0) < 1e-3 && rays.common_origin().is_some());
+            assert!(rays.ray(Vec2::new(100.0, 10.0), Vec2::ZERO, 0.0).direction.y > 0.0);
+        }
+        // Equal areas show equal solid angles, and the corner of a full sphere looks straight back.
+        let rays = camera(Projection::FisheyeEquisolid { fov: TAU }, None);
+        let ring = |r: f32| 1.0 + rays.ray(Vec2::new(100.0 + r, 50.0), Vec2::ZERO, 0.0).direction.z;
+        assert!(
+            (ring(20.0) / ring(10.0) - 4.0).abs() < 1e-3 && (ring(40.0) / ring(10.0) - 16.0).abs() < 1e-2
+        );
+        assert!(rays.ray(Vec2::ZERO, Vec2::ZERO, 0.0).direction.distance(Vec3::Z) < 1e-3);
+    }
+
+    #[test]
+    fn eyes_see_the_same_at_the_distance_of_convergence() {
+        let eyes = |projection, view| {
+            let mut camera = Camera::look_at("", Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 1.0);
+            camera.projection = projection;
+            camera.stereo = Some(heliostat_scene::Stereo { separation: 0.5, convergence: 4.0, view });
+            CameraRays::new(&camera, 200, 100)
+        };
+        let perspective = Projection::Perspective { vertical_fov: 1.0 };
+        let [left, right] = [StereoView::Left, StereoView::Right].map(|view| eyes(perspective, view));
+        let at = |rays: &CameraRays, x: f32, y: f32| rays.ray(Vec2::new(x, y), Vec2::ZERO, 0.0);
+        let (a, b) = (at(&left, 30.0, 20.0), at(&right, 30.0, 20.0));
+        assert!((a.origin - Vec3::new(-0.25, 0.0, 0.0)).length() < 1e-6);
+        assert_eq!((left.common_origin(), right.common_origin()), (Some(a.origin), Some(b.origin)));
+        let reach = |ray: CameraRay| ray.origin + ray.direction * (4.0 / -ray.direction.z);
+        assert!(reach(a).distance(reach(b)) < 1e-5);
+        // Side by side: each half is the picture of an eye, here of half the width.
+        let both = eyes(perspective, StereoView::SideBySide);
+        assert_eq!(both.common_origin(), None);
+        assert!(at(&both, 50.0, 50.0).origin.x < 0.0 && at(&both, 150.0, 50.0).origin.x > 0.0);
+        let seen = reach(at(&both, 50.0, 50.0)).distance(reach(at(&both, 150.0, 50.0)));
+        assert!(seen < 1e-5, "{seen}");
+        // A panorama's eyes lie beside each other whichever way one looks.
+        let both = eyes(Projection::Panoramic, StereoView::OverUnder);
+        for x in [10.0, 100.0, 170.0] {
+            let (above, below) = (at(&both, x, 25.0), at(&both, x, 75.0));
+            assert!(above.direction.distance(below.direction) < 1e-6);
+            let way = below.origin - above.origin;
+            assert!((way.length() - 0.5).abs() < 1e-6 && way.dot(above.direction).abs() < 1e-6);
+            assert!(above.direction.cross(Vec3::Y).dot(way) > 0.0, "the right eye is on the right");
+        }
+    }
+
+    #[test]
+    fn packets_of_rays_have_the_bits_of_single_rays() {
+        let lens = Some(Lens { radius: 0.1, focus_distance: 3.0 });
+        let stereo = |view| heliostat_scene::Stereo { separation: 0.07, convergence: 2.0, view };
+        for projection in [
+            Projection::Perspective { vertical_fov: 1.0 },
+            Projection::Orthographic { height: 3.0 },
+            Projection::Panoramic,
+            Projection::FisheyeEquidistant { fov: 3.0 },
+            Projection::FisheyeEquisolid { fov: 6.0 },
+        ] {
+            for (lens, view) in [
+                (None, None),
+                (lens, None),
+                (None, Some(StereoView::SideBySide)),
+                (lens, Some(StereoView::Right)),
+            ] {
+                let mut camera = Camera::look_at("", Vec3::ONE, Vec3::ZERO, Vec3::Y, 1.0);
+                let turned = Affine3A::from_rotation_y(0.3) * camera.world_from_camera;
+                (camera.projection, camera.lens, camera.stereo) = (projection, lens, view.map(stereo));
+                camera.motion = Some(turned);
+                let rays = CameraRays::new(&camera, 64, 48);
+                let mut points = PicturePoints::default();
+                for lane in 0..WIDTH {
+                    let [a, b, c, d] = crate::Sampler::along(lane as u32, 3).set(0);
+                    let time = if lane % 3 == 0 { 0.0 } else { a * d };
+                    (points.pixel[0].0[lane], points.pixel[1].0[lane]) = (a * 64.0, b * 48.0);
+                    (points.lens[0].0[lane], points.lens[1].0[lane]) = (c, d);
+                    points.time.0[lane] = time;
+                }
+                for level in Isa::available().into_iter().filter_map(Isa::level) {
+                    let mut packet = RayPacket::default();
+                    rays.rays(LaneMode::Packets(level), &points, WIDTH, &mut packet);
+                    for lane in 0..WIDTH {
+                        let pixel = Vec2::new(points.pixel[0].0[lane], points.pixel[1].0[lane]);
+                        let u_lens = Vec2::new(points.lens[0].0[lane], points.lens[1].0[lane]);
+                        let ray = rays.ray(pixel, u_lens, points.time.0[lane]);
+                        assert_eq!(
+                            (packet.origin.get(lane), packet.direction.get(lane)),
+                            (ray.origin, ray.direction)
+                        );
+                    }
+                }
+            }
+        }
     }
 }

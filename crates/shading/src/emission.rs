@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use heliostat_scene::{Geometry, LightKind, SceneBounds};
 
 use crate::basis::Basis;
+use crate::lamp::{Directions, table, world_from_table};
 use crate::lanes::Vector;
 use crate::light::{AreaEmitter, Emitter, Lights, Tables, constant_light};
 use crate::point::Met;
@@ -13,7 +14,7 @@ use crate::quadric;
 use crate::sampling::{concentric_disk, cosine_hemisphere, uniform_sphere, uniform_triangle};
 
 /// A point from which light is sent: what a shaded point must know to be lit by it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Source {
     /// A patch of surface: `radiance` · cos · cos / distance², where `radiance` stands for radiance times area. Emits to
     /// the side of `normal` alone.
@@ -67,9 +68,10 @@ impl Lights {
         let place = Vec2::new(u, v);
         let direction = Vec2::new(u_direction, v_direction);
         match self.emitter(emitter) {
-            Emitter::Light(kind) => {
-                let ray = light_ray(kind, direction, bounds).map(|ray| scaled(ray, 1.0 / probability));
-                Some((Source::Light { kind: *kind, factor: 1.0 / probability }, ray))
+            Emitter::Light(kind, directions) => {
+                let ray = light_ray(kind, directions.as_deref(), direction, bounds);
+                let ray = ray.map(|ray| scaled(ray, 1.0 / probability));
+                Some((Source::Light { kind: kind.clone(), factor: 1.0 / probability }, ray))
             }
             Emitter::Area(area) => area.emit(tables, (place, u_triangle), direction, 1.0 / probability),
             Emitter::Environment => {
@@ -97,8 +99,20 @@ fn from_afar(direction: Vec3, u: Vec2, irradiance: Vec3, bounds: Option<SceneBou
 }
 
 /// A ray from a light without area. [`LightKind::ConstantPoint`] sends none: its flux has no physical meaning.
-fn light_ray(kind: &LightKind, u: Vec2, bounds: Option<SceneBounds>) -> Option<EmittedRay> {
+fn light_ray(
+    kind: &LightKind,
+    directions: Option<&Directions>,
+    u: Vec2,
+    bounds: Option<SceneBounds>,
+) -> Option<EmittedRay> {
     match *kind {
+        LightKind::Profile { position, scale: power, .. }
+        | LightKind::Projector { position, intensity: power, .. } => {
+            let (local, pdf) = directions?.sample(u)?;
+            let direction = (world_from_table(kind)? * local).normalize_or_zero();
+            let intensity = power * Vec3::from(table::<f32>(kind, (-direction).into())?);
+            Some(EmittedRay { origin: position, direction, flux: intensity / pdf })
+        }
         LightKind::Point { position, intensity, .. } => {
             let flux = intensity * (4.0 * PI);
             Some(EmittedRay { origin: position, direction: uniform_sphere(u), flux })

@@ -1,6 +1,6 @@
 //! Light from outside the scene.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
@@ -8,6 +8,7 @@ use heliostat_scene::{ColorSpace, Environment, Image};
 
 use crate::color::luminance;
 use crate::sampling::{Discrete2d, uniform_sphere};
+use crate::sky::{FormulaLight, coordinates, direction, solid_angle_density};
 use crate::texture::texel;
 
 /// The environment made ready for lookup and importance sampling.
@@ -18,6 +19,8 @@ pub enum EnvironmentLight {
     None,
     /// The same radiance from everywhere.
     Constant(Vec3),
+    /// A gradient, or a sky with its sun.
+    Formula(FormulaLight),
     /// A latitude-longitude image.
     Map(MapLight),
 }
@@ -39,6 +42,8 @@ impl EnvironmentLight {
         match environment {
             Environment::None => Self::None,
             Environment::Constant(radiance) => Self::Constant(*radiance),
+            Environment::Gradient(gradient) => Self::Formula(FormulaLight::gradient(gradient)),
+            Environment::Sky(sky) => Self::Formula(FormulaLight::sky(sky)),
             Environment::Map(map) => Self::Map(MapLight::new(map)),
         }
     }
@@ -48,6 +53,7 @@ impl EnvironmentLight {
         match self {
             Self::None => Vec3::ZERO,
             Self::Constant(radiance) => *radiance,
+            Self::Formula(formula) => formula.radiance(direction),
             Self::Map(map) => map.radiance(map.uv(direction)),
         }
     }
@@ -57,6 +63,7 @@ impl EnvironmentLight {
         match self {
             Self::None => 0.0,
             Self::Constant(_) => 1.0 / (4.0 * PI),
+            Self::Formula(formula) => formula.pdf(direction),
             Self::Map(map) => {
                 let uv = map.uv(direction);
                 map.distribution.pdf(uv) * solid_angle_density(uv.y)
@@ -69,6 +76,7 @@ impl EnvironmentLight {
         match self {
             Self::None => None,
             Self::Constant(radiance) => Some((uniform_sphere(u), *radiance, 1.0 / (4.0 * PI))),
+            Self::Formula(formula) => formula.sample(u),
             Self::Map(map) => {
                 let (uv, density) = map.distribution.sample(u)?;
                 let pdf = density * solid_angle_density(uv.y);
@@ -82,14 +90,10 @@ impl EnvironmentLight {
         match self {
             Self::None => Vec3::ZERO,
             Self::Constant(radiance) => *radiance,
+            Self::Formula(formula) => formula.mean(),
             Self::Map(map) => map.mean,
         }
     }
-}
-
-/// Density over the unit square → density per steradian, at latitude coordinate `v`.
-fn solid_angle_density(v: f32) -> f32 {
-    1.0 / (TAU * PI * (PI * v).sin().max(1e-6))
 }
 
 impl MapLight {
@@ -126,16 +130,11 @@ impl MapLight {
 
     /// Texture coordinates of a world-space direction.
     fn uv(&self, direction: Vec3) -> Vec2 {
-        let d = (self.environment_from_world * direction).normalize_or(Vec3::NEG_Z);
-        let u = 0.5 + d.x.atan2(-d.z) / TAU;
-        Vec2::new(u - u.floor(), d.y.clamp(-1.0, 1.0).acos() / PI)
+        coordinates(self.environment_from_world * direction)
     }
 
     fn direction(&self, uv: Vec2) -> Vec3 {
-        let (longitude, polar) = (TAU * (uv.x - 0.5), PI * uv.y);
-        let (sin, cos) = longitude.sin_cos();
-        let local = Vec3::new(polar.sin() * sin, polar.cos(), -polar.sin() * cos);
-        (self.world_from_environment * local).normalize_or(Vec3::Y)
+        (self.world_from_environment * direction(uv)).normalize_or(Vec3::Y)
     }
 
     /// Interpolated between texels, around the seam too.

@@ -13,6 +13,7 @@ use crate::lobe_set::Selection;
 use crate::lobes::{LobeGeometry, appearance};
 use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
+use crate::sampler::Sampler;
 use crate::sampling::uniform_sphere;
 use crate::shader::testing::Random;
 use crate::shader::{ParameterKind, ShaderRegistry};
@@ -41,7 +42,7 @@ fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) 
 /// Low-discrepancy points of the unit cube.
 fn points(n: u32) -> impl Iterator<Item = (f32, Vec2)> {
     (0..n).map(|i| {
-        let [a, b, c, _] = sobol_burley::sample_4d(i % (1 << 16), 0, i >> 16);
+        let [a, b, c, _] = Sampler::along(i % (1 << 16), i >> 16).set(0);
         (a, Vec2::new(b, c))
     })
 }

@@ -17,6 +17,8 @@ mod filter;
 pub mod fresnel;
 #[cfg(test)]
 mod furnace;
+mod gather;
+mod lamp;
 pub mod lanes;
 mod light;
 mod lobe_set;
@@ -28,12 +30,14 @@ mod placement;
 mod point;
 mod quadric;
 mod receive;
+mod reflectors;
 #[cfg(test)]
 mod same_bits;
 mod sampler;
 pub mod sampling;
 mod scene;
 mod shader;
+mod sky;
 mod sort;
 mod surface;
 mod texture;
@@ -41,7 +45,7 @@ pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone};
+pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;
@@ -54,7 +58,8 @@ pub use placement::{Placement, ShadedPart, Sweep};
 pub use point::{Arrival, Points};
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
-pub use sampler::{Sampler, points};
+pub use reflectors::{Reflector, Reflectors};
+pub use sampler::{SamplePoints, Sampler, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
     Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,

@@ -11,6 +11,7 @@ use crate::color::luminance;
 use fearless_simd::{Level, Simd};
 
 use crate::environment::EnvironmentLight;
+use crate::lamp::{Directions, same_table, table};
 use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::material::SurfaceMaterial;
 use crate::packet::{Illumination, on_lanes};
@@ -34,7 +35,8 @@ pub struct Lights {
 
 #[derive(Clone, Debug)]
 pub(crate) enum Emitter {
-    Light(LightKind),
+    /// A light without area; with the directions it prefers if it has a table of them.
+    Light(LightKind, Option<Arc<Directions>>),
     Area(AreaEmitter),
     Environment,
 }
@@ -101,8 +103,10 @@ impl<'a> Tables<'a> {
 }
 
 impl Lights {
-    /// Collects all emitters: `lights`, the parts that `emissive` lists, the environment. `bounds` sets the power of lights that are infinitely far away.
+    /// Collects all emitters: `lights`, the parts that `emissive` lists, the environment. `bounds` sets the power of lights
+    /// that are infinitely far away. What `before` has prepared is taken over.
     pub(crate) fn new<'a>(
+        before: &Self,
         tables: Tables<'_>,
         emissive: &[(u32, u32)],
         lights: impl Iterator<Item = &'a Light>,
@@ -113,8 +117,9 @@ impl Lights {
         let mut emitters = Vec::new();
         let mut powers = Vec::new();
         for light in lights {
-            powers.push(power(&light.kind, cross_section));
-            emitters.push(Emitter::Light(light.kind));
+            let directions = before.directions(&light.kind).or_else(|| Directions::new(&light.kind));
+            powers.push(power(&light.kind, directions.as_deref(), cross_section));
+            emitters.push(Emitter::Light(light.kind.clone(), directions));
         }
         let mut areas = HashMap::new();
         let mut shared = HashMap::new();
@@ -140,6 +145,14 @@ impl Lights {
         let even = total.max(f32::MIN_POSITIVE) / powers.len().max(1) as f32;
         let choice = Discrete::new(powers.iter().map(|&p| if p > 0.0 { p + even } else { 0.0 }));
         Self { emitters, choice, areas, environment, environment_index }
+    }
+
+    /// What was prepared for a light of the same table.
+    fn directions(&self, kind: &LightKind) -> Option<Arc<Directions>> {
+        self.emitters.iter().find_map(|emitter| match emitter {
+            Emitter::Light(other, directions) if same_table(kind, other) => directions.clone(),
+            _ => None,
+        })
     }
 
     /// Number of emitters.
@@ -196,7 +209,7 @@ impl Lights {
         u_triangle: f32,
     ) -> Option<LightSample> {
         match &self.emitters[emitter] {
-            Emitter::Light(kind) => {
+            Emitter::Light(kind, _) => {
                 let (wi, distance, weight) = from_light(kind, position.into());
                 let weight = Vec3::from(weight);
                 let sample = LightSample { wi: wi.into(), distance, weight, pdf: 0.0 };
@@ -220,7 +233,7 @@ impl Lights {
 
     /// Whether sampling the emitter takes random numbers: it has area, or is all around.
     pub fn is_extended(&self, emitter: usize) -> bool {
-        !matches!(self.emitters[emitter], Emitter::Light(_))
+        !matches!(self.emitters[emitter], Emitter::Light(..))
     }
 
     /// Samples light from one emitter for the first `count` lanes of a packet. `along` gives the time and the sample points
@@ -234,7 +247,7 @@ impl Lights {
         count: usize,
         out: &mut Illumination,
     ) {
-        if let Emitter::Light(kind) = &self.emitters[emitter] {
+        if let Emitter::Light(kind, _) = &self.emitters[emitter] {
             let position = &surfaces.position;
             on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(token, lane, kind, position, out));
             return;
@@ -303,8 +316,11 @@ fn primitive_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete 
     }
 }
 
-fn power(kind: &LightKind, cross_section: f32) -> f32 {
+fn power(kind: &LightKind, directions: Option<&Directions>, cross_section: f32) -> f32 {
+    let flux = directions.map_or(Vec3::ZERO, Directions::flux);
     match *kind {
+        LightKind::Profile { scale, .. } => luminance(scale * flux),
+        LightKind::Projector { intensity, .. } => luminance(intensity * flux),
         LightKind::Point { intensity, .. } => luminance(intensity) * 4.0 * PI,
         LightKind::Spot { intensity, inner_angle, outer_angle, .. } => {
             luminance(intensity) * 2.0 * PI * (1.0 - (0.5 * (inner_angle + outer_angle)).cos()).max(1e-4)
@@ -324,6 +340,8 @@ pub(crate) fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>
         LightKind::Point { position, intensity, range } => (position, intensity, range),
         LightKind::Spot { position, intensity, range, .. } => (position, intensity, range),
         LightKind::ConstantPoint { position, irradiance } => (position, irradiance, f32::INFINITY),
+        LightKind::Profile { position, scale, range, .. } => (position, scale, range),
+        LightKind::Projector { position, intensity, range, .. } => (position, intensity, range),
         LightKind::Directional { direction, irradiance } => {
             let wi = (-direction).try_normalize();
             let irradiance = if wi.is_some() { irradiance } else { Vec3::ZERO };
@@ -351,7 +369,11 @@ pub(crate) fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>
         factor = factor * fade * fade;
     }
     let usable = factor.gt(zero) & factor.lt(zero.splat(f32::INFINITY)) & distance.gt(zero);
-    (wi, distance * (1.0 - 1e-5), (constant(power) * factor).only(usable))
+    let mut weight = constant(power) * factor;
+    if let Some(share) = table::<F>(kind, wi) {
+        weight = weight * share;
+    }
+    (wi, distance * (1.0 - 1e-5), weight.only(usable))
 }
 
 /// Radiance over density that arrives at a point from a light without area: see [`LightSample::weight`].

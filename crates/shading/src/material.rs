@@ -43,6 +43,8 @@ pub struct SurfaceMaterial {
     pub(crate) coat_normal: Option<Slot>,
     pub(crate) interface: Option<Arc<InterfaceTables>>,
     textured: bool,
+    /// Which sets of texture coordinates it looks at.
+    uv_sets: [bool; 2],
     /// The lobes that may have energy somewhere.
     lobes: Lobes,
     pub(crate) shader: Option<Bound>,
@@ -105,6 +107,9 @@ impl SurfaceMaterial {
             coat_normal: coat.and_then(|c| slot(&c.normal_texture)),
             interface,
             textured: source.textures().next().is_some() || shader.is_some(),
+            uv_sets: [0, 1].map(|set| {
+                shader.is_some() || source.textures().any(|(_, t)| usize::from(t.uv_set.min(1)) == set)
+            }),
             lobes,
             shader,
             problem,
@@ -144,6 +149,18 @@ impl SurfaceMaterial {
     }
 
     /// Whether anything is looked up by texture coordinates.
+    /// Whether it looks at a set of texture coordinates.
+    #[inline(always)]
+    pub(crate) fn uses_uvs(&self, set: usize) -> bool {
+        self.uv_sets[set]
+    }
+
+    /// Whether it has maps of normals, which take axes of tangent space.
+    pub(crate) fn has_normal_maps(&self) -> bool {
+        self.normal.is_some() || self.coat_normal.is_some()
+    }
+
+    /// Whether points need texture coordinates.
     pub(crate) fn is_textured(&self) -> bool {
         self.textured
     }

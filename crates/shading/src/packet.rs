@@ -92,7 +92,7 @@ impl Surfaces {
 
     /// Samples a direction for each of the first `count` lanes from the selected lobes: `u` are the choices of the lobe and
     /// of the direction.
-    pub fn sample(&self, u: &[Floats; 3], which: Selection, count: usize, out: &mut Scattered) {
+    pub fn sample(&self, u: [&Floats; 3], which: Selection, count: usize, out: &mut Scattered) {
         on_lanes!(self.mode, count, |token, lane| sample::<_>(token, lane, self, u, which, out));
     }
 
@@ -138,12 +138,12 @@ fn sample<F: Real>(
     token: F::Token,
     lane: usize,
     surfaces: &Surfaces,
-    u: &[Floats; 3],
+    u: [&Floats; 3],
     which: Selection,
     out: &mut Scattered,
 ) {
-    let u_lobe = F::load(token, &u[0], lane);
-    let (u, v) = (F::load(token, &u[1], lane), F::load(token, &u[2], lane));
+    let u_lobe = F::load(token, u[0], lane);
+    let (u, v) = (F::load(token, u[1], lane), F::load(token, u[2], lane));
     let sample = surfaces.bsdf::<F>(token, lane).sample(u_lobe, [u, v], which);
     sample.wi.store(&mut out.wi, lane);
     sample.weight.store(&mut out.weight, lane);

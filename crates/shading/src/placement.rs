@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A};
+use heliostat_kernel::Aabb;
 use heliostat_scene::{Geometry, GeometryId, InstanceId, ObjectId};
+
+use crate::reflectors::shape_bounds;
 
 /// A geometry of an object with its material, as the shader tables hold it.
 #[derive(Clone, Debug)]
@@ -14,6 +17,16 @@ pub struct ShadedPart {
     pub material: u32,
     /// The handle.
     pub geometry: GeometryId,
+    /// Around the shape over the whole shutter interval, object space.
+    pub bounds: Aabb,
+}
+
+impl ShadedPart {
+    /// A part with its bounds.
+    pub fn new(shape: Geometry, material: u32, geometry: GeometryId) -> Self {
+        let bounds = shape_bounds(&shape);
+        Self { shape, material, geometry, bounds }
+    }
 }
 
 /// One object at one place in the expanded tree of instances.

@@ -1,14 +1,14 @@
 //! From hits to points: interpolated attributes, normals and footprints, gathered into lanes.
 
-use glam::{Affine3A, Vec2, Vec3, Vec3A, Vec4};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use heliostat_kernel::{Hit, Ray};
-use heliostat_scene::{Geometry, Mesh};
+use heliostat_scene::{Geometry, Mesh, Quadric};
 
 use crate::basis::Basis;
 use crate::camera::Cone;
 use crate::lanes::{Floats, Real, Vector, Vectors};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
-use crate::placement::{Placement, ShadedPart};
+use crate::placement::Placement;
 use crate::quadric::Spot;
 use crate::shader::Point;
 
@@ -63,49 +63,49 @@ pub struct Arrival<'a> {
 }
 
 impl Points {
-    /// Fills a lane with the point of `part` where a ray arrived.
-    pub(crate) fn set(
+    /// Fills a lane with the point of an analytic shape where a ray arrived.
+    pub(crate) fn set_quadric(
         &mut self,
         lane: usize,
-        (placement, part, material): (&Placement, &ShadedPart, &SurfaceMaterial),
-        Arrival { hit, ray, cone, level }: Arrival<'_>,
+        (placement, shape, material): (&Placement, &Quadric, &SurfaceMaterial),
+        Arrival { hit, cone, .. }: &Arrival<'_>,
     ) {
-        let met = Met::new(&part.shape, hit.primitive, Vec2::new(hit.u, hit.v), ray.time);
-        let wo = -ray.direction;
-        let (position, error) = met.point(placement);
+        let spot = Spot::new(shape, Vec2::new(hit.u, hit.v));
+        let (position, error) = spot.point(placement);
         self.position.set(lane, position);
         self.error.0[lane] = error;
-        self.ng.set(lane, hit.ng);
-        self.wo.set(lane, wo);
-        let smooth = met.shading_normal(placement, hit.ng);
-        self.normal.set(lane, smooth.0);
-        // At grazing angles the footprint is an ellipse; limiting its length keeps textures sharp, and the samples of
-        // the pixel filter the rest.
-        let at = met.coordinates(material, placement, cone.width / hit.ng.dot(wo).abs().max(0.25));
-        self.color.set(lane, at.color.rgb.into());
-        self.alpha.0[lane] = at.color.a;
+        self.normal.set(lane, hit.ng);
         if !material.is_textured() {
             return;
         }
         if material.shader.is_some() {
-            self.distance.0[lane] = hit.t;
-            self.level.0[lane] = level as f32;
-            self.width.0[lane] = cone.width;
-            self.object_position.set(lane, met.object_position());
+            self.object_position.set(lane, spot.object_position());
             let inverse = placement.world_from_object_normal.transpose();
             for (column, to) in inverse.to_cols_array_2d().into_iter().zip(&mut self.object_from_world) {
                 to.set(lane, column.into());
             }
         }
+        let cos = hit.ng.dot(self.wo.get(lane)).abs().max(0.25);
+        let at = spot.coordinates(material, &placement.world_from_object, cone.width / cos);
         for set in 0..2 {
             self.lod[set].0[lane] = at.lod[set];
             for axis in 0..2 {
                 self.uv[set][axis].0[lane] = at.uv[set][axis];
             }
         }
+        self.orient(lane, material, |slot| spot.tangent_basis(&placement.world_from_object, hit.ng, slot));
+    }
+
+    /// Sets a lane's axes of tangent space for the maps of normals; zero where their coordinates are degenerate.
+    pub(crate) fn orient(
+        &mut self,
+        lane: usize,
+        material: &SurfaceMaterial,
+        axes: impl Fn(&Slot) -> Option<[Vec3; 2]>,
+    ) {
         for (tangents, slot) in self.tangents.iter_mut().zip([&material.normal, &material.coat_normal]) {
             if let Some(slot) = slot {
-                let [x, y] = met.tangents(placement, smooth, slot);
+                let [x, y] = axes(slot).unwrap_or_default();
                 tangents[0].set(lane, x);
                 tangents[1].set(lane, y);
             }
@@ -156,6 +156,17 @@ impl Points {
     }
 }
 
+/// Positions of three vertices at `time` in [0, 1] of the shutter interval, object space.
+#[inline]
+pub(crate) fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> [Vec3; 3] {
+    let positions = indices.map(|i| mesh.positions[i]);
+    if mesh.motion.is_empty() {
+        return positions;
+    }
+    let ends = indices.map(|i| mesh.motion[i]);
+    [0, 1, 2].map(|i| positions[i] * (1.0 - time) + ends[i] * time)
+}
+
 /// A triangle's corners and attributes, gathered for one hit.
 pub(crate) struct Corners<'a> {
     mesh: &'a Mesh,
@@ -169,11 +180,7 @@ impl<'a> Corners<'a> {
     /// `time` in [0, 1] of the shutter interval.
     pub(crate) fn new(mesh: &'a Mesh, primitive: u32, uv: Vec2, time: f32) -> Self {
         let indices = mesh.indices[primitive as usize].map(|i| i as usize);
-        let mut positions = indices.map(|i| mesh.positions[i]);
-        if !mesh.motion.is_empty() {
-            let ends = indices.map(|i| mesh.motion[i]);
-            positions = [0, 1, 2].map(|i| positions[i] * (1.0 - time) + ends[i] * time);
-        }
+        let positions = corners(mesh, indices, time);
         Self { mesh, indices, weights: [1.0 - uv.x - uv.y, uv.x, uv.y], positions }
     }
 
@@ -239,19 +246,10 @@ impl<'a> Corners<'a> {
         at
     }
 
-    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
-    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
-        let Some(n) = self.interpolate(&self.mesh.normals) else { return (ng, false) };
-        let n = Vec3::from(placement.world_from_object_normal * Vec3A::from(n));
-        let n = n.try_normalize().unwrap_or(ng);
-        // Some files' normals disagree with their winding; the winding decides which side is the front.
-        if n.dot(ng) < 0.0 { (-n, true) } else { (n, false) }
-    }
-
     /// The axes of tangent space at unit normal `n`: x along +u and y along −v of the texture, as normal maps
     /// expect. `None` where the texture coordinates are degenerate. `turned` normals point against those of the file, to
     /// which its tangents refer.
-    fn tangent_basis(
+    pub(crate) fn tangent_basis(
         &self,
         placement: &Placement,
         (n, turned): (Vec3, bool),
@@ -298,13 +296,6 @@ impl<'a> Met<'a> {
         }
     }
 
-    fn object_position(&self) -> Vec3 {
-        match self {
-            Self::Triangle(corners) => corners.object_position(),
-            Self::Quadric(spot) => spot.object_position(),
-        }
-    }
-
     /// World-space point and a bound on its rounding error.
     pub(crate) fn point(&self, placement: &Placement) -> (Vec3, f32) {
         match self {
@@ -346,22 +337,5 @@ impl<'a> Met<'a> {
             Self::Triangle(corners) => corners.coordinates(material, corners.doubled_area(matrix), width),
             Self::Quadric(spot) => spot.coordinates(material, matrix, width),
         }
-    }
-
-    /// Shading normal in world space, on the front side of `ng`, and whether it had to be turned there.
-    fn shading_normal(&self, placement: &Placement, ng: Vec3) -> (Vec3, bool) {
-        match self {
-            Self::Triangle(corners) => corners.shading_normal(placement, ng),
-            Self::Quadric(_) => (ng, false),
-        }
-    }
-
-    /// The axes of tangent space for a normal map; zero where its coordinates are degenerate.
-    fn tangents(&self, placement: &Placement, smooth: (Vec3, bool), slot: &Slot) -> [Vec3; 2] {
-        let axes = match self {
-            Self::Triangle(corners) => corners.tangent_basis(placement, smooth, slot),
-            Self::Quadric(spot) => spot.tangent_basis(&placement.world_from_object, smooth.0, slot),
-        };
-        axes.unwrap_or_default()
     }
 }

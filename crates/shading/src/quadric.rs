@@ -101,14 +101,17 @@ impl Spot {
 }
 
 impl Placement {
+    /// How much of its magnitude the sum of a point's products may be wrong by. Each coordinate is a sum of at most four
+    /// rounded products, and the kernel's own intersection of the next ray rounds as often again (Higham 2002, γ_n ≈ nε);
+    /// 16 covers both.
+    pub(crate) const ROUNDING: f32 = 16.0 * 0.5 * f32::EPSILON;
+
     /// Bound on the rounding error of a point whose object-space coordinates are at most `largest`, metres.
     pub(crate) fn rounding(&self, largest: Vec3) -> f32 {
-        // Each coordinate is a sum of at most four rounded products of this magnitude, and the kernel's own
-        // intersection of the next ray rounds as often again (Higham 2002, γ_n ≈ nε); 16 covers both.
         let m = self.world_from_object.matrix3;
         let abs = Mat3A::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
         let magnitude = abs * Vec3A::from(largest) + self.world_from_object.translation.abs();
-        16.0 * 0.5 * f32::EPSILON * (magnitude.max_element() + self.detour)
+        Self::ROUNDING * (magnitude.max_element() + self.detour)
     }
 }
 

@@ -57,13 +57,20 @@ impl Source {
         PointLight { wi: wi.into(), radiance: radiance.into(), facing, distance, is_near }
     }
 
+    /// Whether it sends a flux of light into the scene: lights that shine alike at any distance have none.
+    pub fn has_flux(&self) -> bool {
+        !matches!(self, Self::Light { kind: LightKind::ConstantPoint { .. }, .. })
+    }
+
     /// Where shadow rays to points start; `None` if the light comes from infinitely far away.
     pub fn origin(&self) -> Option<Vec3> {
         match *self {
             Self::Patch { position, error, normal, .. } => Some(position + normal * error),
-            Self::Light { kind, .. } => match kind {
+            Self::Light { ref kind, .. } => match *kind {
                 LightKind::Point { position, .. }
                 | LightKind::Spot { position, .. }
+                | LightKind::Profile { position, .. }
+                | LightKind::Projector { position, .. }
                 | LightKind::ConstantPoint { position, .. } => Some(position),
                 LightKind::Directional { .. } => None,
             },

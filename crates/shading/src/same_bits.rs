@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use heliostat_kernel::Isa;
 use heliostat_scene::{
-    Clearcoat, ColorSpace, Image, LightKind, Material, MaterialId, ShaderUse, Texture, TextureId, TextureRef,
-    Volume, Wrap,
+    Clearcoat, ColorSpace, Image, LightKind, Material, MaterialId, Photometry, Profile, ShaderUse, Texture,
+    TextureId, TextureRef, Volume, Wrap,
 };
 
 use crate::emission::Source;
@@ -16,6 +16,7 @@ use crate::lobe_set::Selection;
 use crate::material::{InterfaceCache, SurfaceMaterial};
 use crate::packet::{Scattered, Scattering};
 use crate::receive::{Received, Taking};
+use crate::sampler::Sampler;
 use crate::sampling::uniform_sphere;
 use crate::shader::ShaderRegistry;
 use crate::surface::{LaneMode, ShadeScratch, Surfaces, shade};
@@ -23,7 +24,7 @@ use crate::texture::MipMap;
 
 /// Low-discrepancy numbers: set `i` of a sequence per purpose.
 fn numbers(i: usize, purpose: u32) -> [f32; 4] {
-    sobol_burley::sample_4d(i as u32, purpose, 7)
+    Sampler::along(i as u32, 7).set(purpose)
 }
 
 fn direction(i: usize, purpose: u32) -> Vec3 {
@@ -119,7 +120,7 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
     let mut texts: Vec<String> = (0..WIDTH).map(|lane| format!("{:?}", surfaces.lane(lane))).collect();
     for which in [Selection::ALL, Selection::up_to(0.25), Selection::above(0.25)] {
         surfaces.evaluate(&wi, which, WIDTH, &mut value);
-        surfaces.sample(&u, which, WIDTH, &mut sample);
+        surfaces.sample(u.each_ref(), which, WIDTH, &mut sample);
         texts.push(format!("{value:?} {sample:?}"));
     }
     let taking = Taking { bound: 2.0, gloss: Selection::above(0.25) };
@@ -130,7 +131,7 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
     texts
 }
 
-fn sources() -> [Source; 3] {
+fn sources() -> [Source; 5] {
     let kind = LightKind::Spot {
         position: Vec3::new(0.3, 2.5, 0.1),
         direction: Vec3::NEG_Y,
@@ -146,7 +147,30 @@ fn sources() -> [Source; 3] {
         radiance: Vec3::new(0.5, 1.0, 2.0),
     };
     let distant = Source::Distant { wi: Vec3::new(0.0, 0.6, -0.8), irradiance: Vec3::ONE };
-    [patch, Source::Light { kind, factor: 0.25 }, distant]
+    let rotation = Mat3::from_rotation_x(-1.4) * Mat3::from_rotation_z(0.3);
+    let profile = Profile {
+        photometry: Photometry::C,
+        polar: vec![0.0, 0.3, 1.2, 2.0],
+        azimuth: vec![0.0, 1.0, 3.0, std::f32::consts::TAU],
+        intensity: (0..16).map(|i| (i * 7 % 5) as f32).collect(),
+    };
+    let lamp = LightKind::Profile {
+        position: Vec3::new(0.3, 2.5, 0.1),
+        world_from_light: rotation,
+        scale: Vec3::new(5.0, 4.0, 3.0),
+        profile: Arc::new(profile),
+        range: 9.0,
+    };
+    let projector = LightKind::Projector {
+        position: Vec3::new(0.3, 2.5, 0.1),
+        world_from_light: rotation,
+        intensity: Vec3::ONE,
+        vertical_fov: 1.4,
+        image: Arc::new(Image::rgba8(4, 4, (0..64).map(|i| (i * 37 % 256) as u8).collect())),
+        range: f32::INFINITY,
+    };
+    let light = |kind| Source::Light { kind, factor: 0.25 };
+    [patch, light(kind), distant, light(lamp), light(projector)]
 }
 
 #[test]

@@ -19,7 +19,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
 
 /// [`concentric_disk`] on lanes.
 #[inline(always)]
-fn disk_lanes<F: Real>(u: [F; 2]) -> [F; 2] {
+pub(crate) fn disk_lanes<F: Real>(u: [F; 2]) -> [F; 2] {
     let [x, y] = [u[0] * 2.0 - 1.0, u[1] * 2.0 - 1.0];
     let wide = x.abs().gt(y.abs());
     let (r, other) = (x.where_or(wide, y), y.where_or(wide, x));

@@ -9,11 +9,13 @@ use heliostat_scene::{Light, SceneBounds};
 use crate::camera::Cone;
 use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
+use crate::gather::Reached;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
 use crate::packet::Illumination;
 use crate::placement::{Placement, ShadedPart};
-use crate::point::{Arrival, Met, Points};
+use crate::point::{Arrival, Met};
+use crate::reflectors::Reflectors;
 use crate::sort::HitPacket;
 use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
 
@@ -62,6 +64,11 @@ impl ShadingScene {
         self.mode = mode;
     }
 
+    /// How shaders run.
+    pub fn lane_mode(&self) -> LaneMode {
+        self.mode
+    }
+
     /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
     /// infinitely far away. Costs what there are of them.
     pub fn relight<'a>(
@@ -71,7 +78,7 @@ impl ShadingScene {
         bounds: Option<SceneBounds>,
     ) {
         self.bounds = bounds;
-        self.lights = Lights::new(self.tables(), &self.emissive, lights, environment, bounds);
+        self.lights = Lights::new(&self.lights, self.tables(), &self.emissive, lights, environment, bounds);
     }
 
     /// The placements by path, to be moved: neither their number nor their parts may change. Copies them if another scene
@@ -117,6 +124,11 @@ impl ShadingScene {
         &self.materials
     }
 
+    /// The parts that have lobes of a roughness (perceptual, the square root of GGX α) of at most `sharp`.
+    pub fn reflectors(&self, sharp: f32) -> Reflectors {
+        Reflectors::new(self.tables(), sharp)
+    }
+
     /// All lights.
     pub fn lights(&self) -> &Lights {
         &self.lights
@@ -156,31 +168,31 @@ impl ShadingScene {
     /// Shades the hits of a packet into the lanes of `surfaces`, in their order. `along` gives the ray of each hit.
     /// `scratch` is for inner use.
     pub fn shade<'a>(
-        &self,
+        &'a self,
         packet: &HitPacket<'_>,
-        along: impl Fn(usize) -> Arrival<'a>,
+        along: impl Fn(usize) -> Arrival<'a> + Copy,
         scratch: &mut ShadeScratch,
         surfaces: &mut Surfaces,
     ) {
-        for (lane, &index) in packet.hits.iter().enumerate() {
-            self.gather(lane, along(index as usize), &mut scratch.points);
-        }
         let material = &self.materials[packet.material as usize];
+        let reached = packet.hits.iter().map(|&index| self.reached(along(index as usize)));
+        scratch.points.gather(self.mode, material, reached, &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
 
-    fn gather(&self, lane: usize, arrival: Arrival<'_>, points: &mut Points) {
-        let (placement, part, material) = self.part(arrival.hit);
-        let moved = placement.at(arrival.ray.time);
-        points.set(lane, (moved.as_ref().unwrap_or(placement), part, material), arrival);
+    fn reached<'a>(&'a self, arrival: Arrival<'a>) -> Reached<'a> {
+        let (placement, part, _) = self.part(arrival.hit);
+        (arrival, placement, part)
     }
 
     /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
     pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface<f32> {
         let mut scratch = ShadeScratch::default();
         let mut surfaces = Surfaces::default();
-        self.gather(0, Arrival { hit, ray, cone, level: 1 }, &mut scratch.points);
-        shade(LaneMode::Single, self.part(hit).2, &mut scratch, 1, &mut surfaces);
+        let material = self.part(hit).2;
+        let reached = std::iter::once(self.reached(Arrival { hit, ray, cone, level: 1 }));
+        scratch.points.gather(LaneMode::Single, material, reached, &mut scratch.triangles);
+        shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
         surfaces.lane(0)
     }
 

@@ -6,6 +6,7 @@ use heliostat_kernel::Isa;
 
 use crate::bsdf::{Bsdf, Glass, Reflection, ThinTransmission};
 use crate::closure::{Closure, Closures};
+use crate::gather::Triangles;
 use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH};
 use crate::lobe_set::{Lobes, Selection};
 use crate::lobes::{LobeGeometry, appearance};
@@ -119,51 +120,61 @@ impl Surfaces {
     }
 
     /// World-space position of a lane.
+    #[inline]
     pub fn position(&self, lane: usize) -> Vec3 {
         self.position.get(lane)
     }
 
     /// Shading normal of a lane, on the viewer's side.
+    #[inline]
     pub fn normal(&self, lane: usize) -> Vec3 {
         self.normal.get(lane)
     }
 
     /// See [`Surface::albedo`].
+    #[inline]
     pub fn albedo(&self, lane: usize) -> Vec3 {
         self.albedo.get(lane)
     }
 
     /// Reflectance of the diffuse lobe of a lane.
+    #[inline]
     pub fn diffuse(&self, lane: usize) -> Vec3 {
         self.diffuse.get(lane)
     }
 
     /// See [`Surface::emission`].
+    #[inline]
     pub fn emission(&self, lane: usize) -> Vec3 {
         self.emission.get(lane)
     }
 
     /// See [`Surface::ambient`].
+    #[inline]
     pub fn ambient(&self, lane: usize) -> Vec3 {
         self.ambient.get(lane)
     }
 
     /// See [`Surface::absorption`].
+    #[inline]
     pub fn absorption(&self, lane: usize) -> Vec3 {
         self.absorption.get(lane)
     }
 
     /// See [`Surface::coverage`].
+    #[inline]
     pub fn coverage(&self, lane: usize) -> f32 {
         self.coverage.0[lane]
     }
 
     /// See [`Surface::through`].
+    #[inline]
     pub fn through(&self, lane: usize) -> Vec3 {
         self.through.get(lane)
     }
 
     /// Origin for a ray that leaves a lane's surface towards `direction`.
+    #[inline]
     pub fn origin(&self, lane: usize, direction: Vec3) -> Vec3 {
         let ng = self.ng.get(lane);
         self.position.get(lane) + ng * self.error.0[lane].copysign(ng.dot(direction))
@@ -305,6 +316,7 @@ impl Default for LaneMode {
 #[derive(Clone, Debug, Default)]
 pub struct ShadeScratch {
     pub(crate) points: Points,
+    pub(crate) triangles: Triangles,
     closures: Closures,
 }
 
@@ -317,7 +329,7 @@ pub(crate) fn shade(
     out: &mut Surfaces,
 ) {
     out.mode = mode;
-    let ShadeScratch { points, closures } = scratch;
+    let ShadeScratch { points, closures, .. } = scratch;
     match &material.shader {
         None => on_lanes!(mode, count, |token, lane| plain::<_>(token, lane, material, points, out)),
         Some(shader) => {

@@ -5,7 +5,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Ray, RayQuery};
 use heliostat_shading::lanes::Vectors;
-use heliostat_shading::{Illumination, Scattering, Surfaces};
+use heliostat_shading::{Illumination, SamplePoints, Scattering, Surfaces};
 
 use crate::eye::{Arrived, DULL, EyeWalk, Lighting, MIRRORS, SIDES, WeightedRay};
 use crate::mis::power_heuristic;
@@ -35,6 +35,7 @@ struct AllLights {
     /// Whether shadow rays are traced and mirrors followed.
     shadowed: bool,
     shadows: ShadowBatch,
+    points: SamplePoints,
     light: Illumination,
     values: Scattering,
     origins: Vectors,
@@ -67,13 +68,15 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
     fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]) {
         let scene = view.scene;
         let Arrived { rays, count } = arrived;
-        let Self { shadowed, shadows, light, values, origins } = self;
+        let Self { shadowed, shadows, points, light, values, origins } = self;
         for emitter in 0..scene.lights().len() {
-            let along = |lane: usize| {
-                let ray: &WeightedRay = &rays[lane];
-                let [u, v, u_triangle, w] = ray.points(2 + emitter as u32);
-                (ray.ray.time, [u, v, u_triangle, w])
-            };
+            if scene.lights().is_extended(emitter) {
+                for (lane, ray) in rays[..*count].iter().enumerate() {
+                    ray.ask(2 + emitter as u32, lane, points);
+                }
+                points.draw(scene.lane_mode(), *count);
+            }
+            let along = |lane: usize| (rays[lane].ray.time, points.get(lane));
             scene.illuminate(emitter, surfaces, along, *count, light);
             surfaces.evaluate(&light.wi, DULL, *count, values);
             let mut f_cos = values.f_cos;

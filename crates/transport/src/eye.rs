@@ -9,10 +9,10 @@
 
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::lanes::{Floats, Vectors, WIDTH};
+use heliostat_shading::lanes::{Vectors, WIDTH};
 use heliostat_shading::{
-    Arrival, Cone, HitPacket, HitSorter, Lobes, Sampler, Scattered as ScatteredPacket, Selection,
-    ShadeScratch, Surfaces,
+    Arrival, Cone, HitPacket, HitSorter, Lobes, SamplePoints, Sampler, Scattered as ScatteredPacket,
+    Selection, ShadeScratch, Surfaces,
 };
 
 use crate::mis::{Scattered, Visits, emission_weight, environment};
@@ -24,7 +24,7 @@ const DEFAULT_MAX_EDGES: u32 = 12;
 /// Rays of less weight are dropped.
 const LEAST_WEIGHT: f32 = 1.0 / 512.0;
 /// GGX α up to which a lobe reflects its surroundings (perceptual roughness 0.5).
-const MIRROR_ALPHA: f32 = 0.25;
+pub(crate) const MIRROR_ALPHA: f32 = 0.25;
 /// The lobes that do.
 pub(crate) const MIRRORS: Selection = Selection::up_to(MIRROR_ALPHA);
 /// The lobes that are lit by sampled lights alone.
@@ -67,13 +67,14 @@ impl WeightedRay {
         Arrival { hit, ray: &self.ray, cone: self.cone, level: self.edges + 1 }
     }
 
-    /// Sample points for use `slot` at this vertex: stratified along the first branch, hashed elsewhere.
-    pub(crate) fn points(&self, slot: u32) -> [f32; 4] {
-        match self.branch {
-            1 => self.sampler.set(1 + slot),
+    /// Asks for the sample points of use `slot` at this vertex.
+    pub(crate) fn ask(&self, slot: u32, lane: usize, points: &mut SamplePoints) {
+        let set = match self.branch {
+            1 => 1 + slot,
             // Far from the sets of the trunk; where deep branches wrap round they merely share points.
-            branch => self.sampler.set((branch << 12).wrapping_add(slot) | 1 << 31),
-        }
+            branch => (branch << 12).wrapping_add(slot) | 1 << 31,
+        };
+        points.ask(lane, &self.sampler, set);
     }
 }
 
@@ -127,6 +128,7 @@ struct Shader {
     sorter: HitSorter,
     scratch: ShadeScratch,
     surfaces: Surfaces,
+    points: SamplePoints,
     samples: ScatteredPacket,
     origins: Vectors,
     /// The rays of one group with their hits.
@@ -227,14 +229,14 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
     ) {
         let scene = self.view.scene;
         shader.sorter.sort(scene, hits);
-        let Shader { sorter, scratch, surfaces, samples, origins, .. } = shader;
+        let Shader { sorter, scratch, surfaces, points, samples, origins, .. } = shader;
         for packet in sorter.packets() {
             scene.shade(&packet, |i| rays[i].arrival(&hits[i]), scratch, surfaces);
             let arrived = self.arrive(&packet, rays, hits, surfaces, sums, first_sample);
             if arrived.count > 0 {
                 self.lighting.packet(self.view, &arrived, surfaces, sums);
                 if self.lighting.follows_mirrors() {
-                    self.reflect(&arrived, surfaces, samples, origins);
+                    self.reflect(&arrived, surfaces, (points, samples), origins);
                 }
             }
         }
@@ -305,7 +307,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         &mut self,
         arrived: &Arrived,
         surfaces: &Surfaces,
-        samples: &mut ScatteredPacket,
+        (points, samples): (&mut SamplePoints, &mut ScatteredPacket),
         origins: &mut Vectors,
     ) {
         let Arrived { rays, count } = arrived;
@@ -314,12 +316,12 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             if !surfaces.may_have(which) {
                 continue;
             }
-            let mut points = [Floats::ZERO; 3];
             for (lane, ray) in rays[..*count].iter().enumerate() {
-                let [u, v, u_lobe, _] = ray.points(side as u32);
-                (points[0].0[lane], points[1].0[lane], points[2].0[lane]) = (u_lobe, u, v);
+                ray.ask(side as u32, lane, points);
             }
-            surfaces.sample(&points, which, *count, samples);
+            points.draw(self.view.scene.lane_mode(), *count);
+            let [u, v, u_lobe, _] = &points.u;
+            surfaces.sample([u_lobe, u, v], which, *count, samples);
             surfaces.spawn(&samples.wi, *count, origins);
             for (lane, ray) in rays[..*count].iter().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
                 self.send(WeightedRay {

@@ -6,7 +6,9 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::{Arrival, Cone, HitSorter, Sampler, Selection, ShadeScratch, Surface, Surfaces};
+use heliostat_shading::{
+    Arrival, Cone, HitSorter, SamplePoints, Sampler, Selection, ShadeScratch, ShadingScene, Surface, Surfaces,
+};
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
@@ -60,7 +62,31 @@ struct Tracer<'a, Q: ?Sized> {
 struct Shader {
     sorter: HitSorter,
     scratch: ShadeScratch,
+    vertices: Vertices,
+}
+
+/// The vertices of a packet of paths.
+#[derive(Debug, Default)]
+struct Vertices {
     surfaces: Surfaces,
+    /// Sample points for the light of a vertex.
+    light: SamplePoints,
+    /// Sample points for the way on from it.
+    scattering: SamplePoints,
+}
+
+impl Vertices {
+    /// Draws the sample points of a packet of vertices.
+    fn draw<'a>(&mut self, scene: &ShadingScene, paths: impl Iterator<Item = &'a Path>) {
+        let mut count = 0;
+        for (lane, path) in paths.enumerate() {
+            self.scattering.ask(lane, &path.sampler, 2 * path.edges + 1);
+            self.light.ask(lane, &path.sampler, 2 * path.edges + 2);
+            count = lane + 1;
+        }
+        self.scattering.draw(scene.lane_mode(), count);
+        self.light.draw(scene.lane_mode(), count);
+    }
 }
 
 impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
@@ -106,12 +132,12 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
         shader.sorter.sort(scene, hits);
         for packet in shader.sorter.packets() {
             let along = |i: usize| paths[i].arrival(&hits[i]);
-            scene.shade(&packet, along, &mut shader.scratch, &mut shader.surfaces);
+            scene.shade(&packet, along, &mut shader.scratch, &mut shader.vertices.surfaces);
+            shader.vertices.draw(scene, packet.hits.iter().map(|&i| &paths[i as usize]));
             for (lane, &index) in packet.hits.iter().enumerate() {
                 let (path, hit) = (paths[index as usize], &hits[index as usize]);
                 let sum = &mut sums[path.pixel as usize];
-                let surfaces = (&shader.surfaces, lane);
-                next.extend(self.at_surface(path, hit, surfaces, sum, first_sample));
+                next.extend(self.at_surface(path, hit, (&shader.vertices, lane), sum, first_sample));
             }
         }
         self.shader = shader;
@@ -139,11 +165,12 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         &mut self,
         mut path: Path,
         hit: &Hit,
-        (surfaces, lane): (&Surfaces, usize),
+        (vertices, lane): (&Vertices, usize),
         sum: &mut PixelSum,
         first_sample: bool,
     ) -> Option<Path> {
         let scene = self.view.scene;
+        let surfaces = &vertices.surfaces;
         let surface = &surfaces.lane(lane);
         // Beer's law over the way through the solid that ends here.
         path.throughput *= (-Vec3::from(surface.absorption) * hit.t).exp();
@@ -169,14 +196,14 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         if path.edges >= self.max_edges || !surface.bsdf.scatters() {
             return None;
         }
-        self.sample_light(&path, surface);
-        scatter(path, surface)
+        self.sample_light(&path, surface, vertices.light.get(lane));
+        scatter(path, surface, vertices.scattering.get(lane))
     }
 
     /// Next-event estimation: one light, chosen by power, one point on it.
-    fn sample_light(&mut self, path: &Path, surface: &Surface<f32>) {
+    fn sample_light(&mut self, path: &Path, surface: &Surface<f32>, point: [f32; 4]) {
         let scene = self.view.scene;
-        let [u_choice, u_triangle, u, v] = path.sampler.set(2 * path.edges);
+        let [u_choice, u_triangle, u, v] = point;
         let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
         let Some(light) = scene.sample_light(
             emitter,
@@ -211,8 +238,8 @@ fn pass_through(mut path: Path, surface: &Surface<f32>, hit: &Hit, chance: f32) 
 }
 
 /// Chooses the next direction; Russian roulette ends paths of little worth.
-fn scatter(mut path: Path, surface: &Surface<f32>) -> Option<Path> {
-    let [u_lobe, u_roulette, u, v] = path.sampler.set(2 * path.edges - 1);
+fn scatter(mut path: Path, surface: &Surface<f32>, point: [f32; 4]) -> Option<Path> {
+    let [u_lobe, u_roulette, u, v] = point;
     let sample = surface.bsdf.sample(u_lobe, [u, v], Selection::ALL);
     if !sample.valid {
         return None;

@@ -2,7 +2,11 @@
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
-use heliostat_shading::{CameraRays, Cone, PixelFilter, Placement, Sampler, ShadingScene, Surfaces, points};
+use heliostat_shading::lanes::WIDTH;
+use heliostat_shading::{
+    CameraRays, Cone, PicturePoints, PixelFilter, Placement, RayPacket, SamplePoints, Sampler, ShadingScene,
+    Surfaces, halves,
+};
 
 /// What is looked at, and from where.
 #[derive(Debug)]
@@ -187,27 +191,54 @@ pub(crate) struct CameraSample {
     pub(crate) cone: Cone,
 }
 
-/// The camera rays of one sample of all pixels of a region, with their closest hits.
-fn camera_samples<Q: RayQuery + ?Sized>(
+/// The camera rays of one sample of all pixels of a region.
+fn camera_samples<Q: ?Sized>(
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
     sample: u32,
-) -> (Vec<CameraSample>, Vec<Hit>) {
+) -> Vec<CameraSample> {
     let u_aligned = aligned_point(sample);
-    let samples: Vec<CameraSample> = (0..)
-        .zip(region.pixels())
-        .map(|(pixel, (x, y))| {
+    let pinhole = view.camera.common_origin().is_some();
+    let mut samples = Vec::with_capacity(region.area());
+    let (mut set, mut points) = (SamplePoints::default(), PicturePoints::default());
+    let mut rays = RayPacket::default();
+    let pixels: Vec<(u32, u32)> = region.pixels().collect();
+    for pixels in pixels.chunks(WIDTH) {
+        let first = samples.len();
+        for (lane, &(x, y)) in pixels.iter().enumerate() {
             let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
-            let (u_pixel, u_lens) = points(sampler.set(0));
+            set.ask(lane, &sampler, 0);
+            points.time.0[lane] = if view.moving { sampler.time() } else { 0.0 };
+            let ray = Ray::new(Vec3::ZERO, Vec3::ZERO).at_time(points.time.0[lane]);
+            samples.push(CameraSample {
+                pixel: samples.len() as u32,
+                sampler,
+                ray,
+                cone: view.camera.cone(),
+            });
+        }
+        // Pinholes whose pixels all put their samples at the same place need no numbers.
+        if !(settings.aligned && pinhole) {
+            set.draw(view.scene.lane_mode(), pixels.len());
+        }
+        for (lane, &(x, y)) in pixels.iter().enumerate() {
+            let (u_pixel, u_lens) = halves(set.get(lane));
             let u_filter = if settings.aligned { u_aligned } else { u_pixel };
             let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
-            let time = if view.moving { sampler.time() } else { 0.0 };
-            let ray = view.camera.ray(at, u_lens, time);
-            let cone = ray.cone;
-            CameraSample { pixel, sampler, ray: Ray::new(ray.origin, ray.direction).at_time(time), cone }
-        })
-        .collect();
+            (points.pixel[0].0[lane], points.pixel[1].0[lane]) = (at.x, at.y);
+            (points.lens[0].0[lane], points.lens[1].0[lane]) = (u_lens.x, u_lens.y);
+        }
+        view.camera.rays(view.scene.lane_mode(), &points, pixels.len(), &mut rays);
+        for (lane, sample) in samples[first..].iter_mut().enumerate() {
+            (sample.ray.origin, sample.ray.direction) = (rays.origin.get(lane), rays.direction.get(lane));
+        }
+    }
+    samples
+}
+
+/// What camera rays hit first.
+fn camera_hits<Q: RayQuery + ?Sized>(view: &View<'_, Q>, samples: &[CameraSample]) -> Vec<Hit> {
     let mut hits = vec![Hit::MISS; samples.len()];
     match view.camera.common_origin() {
         Some(origin) if !view.moving => {
@@ -225,7 +256,7 @@ fn camera_samples<Q: RayQuery + ?Sized>(
             view.query.intersect(&rays, &mut hits);
         }
     }
-    (samples, hits)
+    hits
 }
 
 /// How an integrator follows rays from the camera: one step per edge, for all rays of a region at once.
@@ -279,7 +310,8 @@ pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     sums: &mut [PixelSum],
 ) -> u64 {
     let mut traced = 0;
-    let (camera, mut hits) = camera_samples(view, settings, region, sample);
+    let camera = camera_samples(view, settings, region, sample);
+    let mut hits = camera_hits(view, &camera);
     let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
     while !current.is_empty() {
         traced += current.len() as u64;

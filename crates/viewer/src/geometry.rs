@@ -1,6 +1,7 @@
 //! Between the picture and the world: rays through picture points, projections back, boxes of placed things.
 
 use std::collections::BTreeMap;
+use std::f32::consts::{PI, TAU};
 
 use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Geometry, InstanceId, ObjectId, Projection, Quadric, Scene, SceneBounds};
@@ -18,7 +19,7 @@ pub(crate) struct PictureRay {
 }
 
 /// The ray through a point of the picture; `at` runs from (0, 0) at the top left to (1, 1) at the bottom right, `aspect`
-/// is width over height. Lenses are taken for pinholes.
+/// is width over height. Lenses are taken for pinholes, two eyes for one.
 pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay {
     let place = camera.world_from_camera;
     let (x, y) = ((2.0 * at.x - 1.0) * aspect, 1.0 - 2.0 * at.y);
@@ -29,9 +30,17 @@ pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay 
         }
         Projection::Orthographic { height } => (0.5 * height * Vec3::new(x, y, 0.0), Vec3::NEG_Z),
         Projection::Panoramic => {
-            let (sin, cos) = ((at.x - 0.5) * std::f32::consts::TAU).sin_cos();
-            let (sin_polar, cos_polar) = (at.y * std::f32::consts::PI).sin_cos();
+            let (sin, cos) = ((at.x - 0.5) * TAU).sin_cos();
+            let (sin_polar, cos_polar) = (at.y * PI).sin_cos();
             (Vec3::ZERO, Vec3::new(sin_polar * sin, cos_polar, -sin_polar * cos))
+        }
+        // The angle from the axis, or the sine of its half, is in proportion to the distance from the centre.
+        Projection::FisheyeEquidistant { fov } => {
+            (Vec3::ZERO, off_axis(x, y, (0.5 * fov * x.hypot(y)).min(PI)))
+        }
+        Projection::FisheyeEquisolid { fov } => {
+            let sine = ((0.25 * fov).sin() * x.hypot(y)).min(1.0);
+            (Vec3::ZERO, off_axis(x, y, 2.0 * sine.asin()))
         }
     };
     PictureRay {
@@ -40,8 +49,14 @@ pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay 
     }
 }
 
-/// Where a point of the world appears in the picture; `None` behind the camera and for panoramas, in which straight lines
-/// are not straight.
+/// A direction at an angle from the view axis, towards (x, y) of the picture.
+fn off_axis(x: f32, y: f32, angle: f32) -> Vec3 {
+    let across = Vec2::new(x, y).normalize_or_zero() * angle.sin();
+    across.extend(-angle.cos())
+}
+
+/// Where a point of the world appears in the picture; `None` behind the camera and for panoramas and fisheyes, in which
+/// straight lines are not straight.
 pub(crate) fn project(camera: &Camera, point: Vec3, aspect: f32) -> Option<Vec2> {
     let p = camera.world_from_camera.inverse().transform_point3(point);
     let (x, y) = match camera.projection {
@@ -50,7 +65,9 @@ pub(crate) fn project(camera: &Camera, point: Vec3, aspect: f32) -> Option<Vec2>
             (depth > 1e-6).then_some((p.x / depth, p.y / depth))?
         }
         Projection::Orthographic { height } => (2.0 * p.x / height, 2.0 * p.y / height),
-        Projection::Panoramic => return None,
+        Projection::Panoramic
+        | Projection::FisheyeEquidistant { .. }
+        | Projection::FisheyeEquisolid { .. } => return None,
     };
     let at = Vec2::new(0.5 + 0.5 * x / aspect, 0.5 - 0.5 * y);
     at.is_finite().then_some(at)

@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Affine3A, EulerRot, Mat3, Mat3A, Quat, Vec2, Vec3};
-use heliostat_scene::{Camera, Lens, Projection, SceneBounds};
+use heliostat_scene::{Camera, Lens, Projection, SceneBounds, Stereo};
 use serde::{Deserialize, Serialize};
 
 /// Furthest that the view tilts up or down, radians: short of the poles, where turning would spin.
@@ -44,6 +44,7 @@ pub(crate) struct Navigator {
     roll: f32,
     projection: Projection,
     lens: Option<Lens>,
+    stereo: Option<Stereo>,
     /// From the eye to the point that [`Mode::Orbit`] turns around, metres.
     distance: f32,
     /// Right, up, forward; −1 to 1 each: which way the user wants to go.
@@ -66,6 +67,7 @@ impl Navigator {
             roll: 0.0,
             projection: camera.projection,
             lens: None,
+            stereo: None,
             distance: 1.0,
             drive: Vec3::ZERO,
             hurry: false,
@@ -97,7 +99,7 @@ impl Navigator {
         (self.yaw, self.pitch, self.roll) = rotation.to_euler(EulerRot::YXZ);
         self.pitch = self.pitch.clamp(-MAX_PITCH, MAX_PITCH);
         self.eye = camera.world_from_camera.translation.into();
-        (self.projection, self.lens) = (camera.projection, camera.lens);
+        (self.projection, self.lens, self.stereo) = (camera.projection, camera.lens, camera.stereo);
         self.falling = 0.0;
     }
 
@@ -110,6 +112,7 @@ impl Navigator {
             motion: None,
             projection: self.projection,
             lens: self.lens,
+            stereo: self.stereo,
         }
     }
 

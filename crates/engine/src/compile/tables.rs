@@ -174,10 +174,8 @@ fn problem(material: &SurfaceMaterial) -> Option<String> {
 }
 
 fn shaded_parts(scene: &Scene, object: &Object, slot: impl Fn(MaterialId) -> u32) -> Arc<[ShadedPart]> {
-    let part = |part: &heliostat_scene::Part| ShadedPart {
-        shape: scene.geometries()[&part.geometry].clone(),
-        material: slot(part.material),
-        geometry: part.geometry,
+    let part = |part: &heliostat_scene::Part| {
+        ShadedPart::new(scene.geometries()[&part.geometry].clone(), slot(part.material), part.geometry)
     };
     object.parts.iter().map(part).collect()
 }

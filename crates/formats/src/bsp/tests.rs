@@ -47,7 +47,7 @@ fn every_kind_of_face_and_entity() {
         scene.instances().values().map(|i| i.name.as_str()).collect::<Vec<_>>(),
         ["world", "func_door"]
     );
-    let kinds: Vec<_> = scene.lights().values().map(|light| light.kind).collect();
+    let kinds: Vec<_> = scene.lights().values().map(|light| light.kind.clone()).collect();
     assert!(
         matches!(kinds[..], [LightKind::Directional { .. }, LightKind::Spot { .. }, LightKind::Point { .. }]),
         "{kinds:?}"

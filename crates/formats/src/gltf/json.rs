@@ -44,6 +44,49 @@ pub(super) struct Asset {
 pub(super) struct RootExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub(super) lights: Lights,
+    #[serde(rename = "EXT_lights_ies")]
+    pub(super) light_profiles: LightProfiles,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct LightProfiles {
+    pub(super) lights: Vec<LightProfile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct LightProfile {
+    pub(super) uri: Option<String>,
+    pub(super) buffer_view: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct LightProfileReference {
+    pub(super) light: usize,
+    #[serde(default = "one")]
+    pub(super) multiplier: f32,
+    #[serde(default = "white")]
+    pub(super) color: [f32; 3],
+}
+
+/// What other programs keep in a node, and our projector, which is read later: a mistake in it costs the projector alone.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum NodeExtras {
+    Ours { heliostat_projector: serde_json::Value },
+    Others(IgnoredAny),
+}
+
+/// A projector that a node names.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Projector {
+    pub(super) image: usize,
+    #[serde(default = "white")]
+    pub(super) intensity: [f32; 3],
+    #[serde(default = "super::photometric::default_fov")]
+    pub(super) vertical_fov: f32,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -95,6 +138,7 @@ pub(super) struct Node {
     pub(super) weights: Option<Vec<f32>>,
     pub(super) camera: Option<usize>,
     pub(super) extensions: NodeExtensions,
+    pub(super) extras: Option<Box<NodeExtras>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -102,6 +146,8 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub(super) light: Option<LightReference>,
+    #[serde(rename = "EXT_lights_ies")]
+    pub(super) light_profile: Option<LightProfileReference>,
     #[serde(rename = "KHR_node_visibility")]
     pub(super) visibility: Option<Visibility>,
 }

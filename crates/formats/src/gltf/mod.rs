@@ -16,6 +16,10 @@
 //! `"parameters": {…}` beside it sets them to numbers, `[x, y, z]`, or textures: `{"index": 0, "factor": [r, g, b]}`, with
 //! `"linear": true` for data and what else a reference to a texture may have.
 //!
+//! EXT_lights_ies names measured lights (see [`ies`](mod@crate::ies)). A node's `extras` may make it a projector:
+//! `{"heliostat_projector": {"image": 0, "intensity": [r, g, b], "vertical_fov": 0.8}}` throws an image of the document along
+//! the node's −Z, its top towards +Y; W/sr where it is white, and radians over its height.
+//!
 //! Triangles, strips and fans are shown; points and lines are skipped with a warning. Meshes without normals are
 //! flat. KHR_node_visibility hides instances and darkens lights.
 //!
@@ -32,7 +36,9 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use heliostat_scene::{ColorSpace, Edit, Image, MaterialId, ObjectId, SceneBuilder, TextureId, Timeline};
+use heliostat_scene::{
+    ColorSpace, Edit, Image, MaterialId, ObjectId, Profile, SceneBuilder, TextureId, Timeline,
+};
 
 use crate::context::Context;
 use crate::error::LoadError;
@@ -51,6 +57,9 @@ mod json;
 mod material;
 mod mesh;
 mod nodes;
+mod photometric;
+#[cfg(test)]
+mod photometric_tests;
 mod punctual;
 mod rig;
 mod shader;
@@ -104,6 +113,7 @@ fn build(
         materials: HashMap::new(),
         textures: HashMap::new(),
         images: HashMap::new(),
+        profiles: HashMap::new(),
         animated: Animated::default(),
         skins: BTreeMap::new(),
         shapes: HashMap::new(),
@@ -129,6 +139,8 @@ struct Loader<'a, 'c> {
     /// `None` for data textures that could not be read.
     textures: HashMap<(usize, ColorSpace), Option<TextureId>>,
     images: HashMap<usize, Option<Arc<Image>>>,
+    /// `None` for light profiles that could not be read.
+    profiles: HashMap<usize, Option<Arc<Profile>>>,
     animated: Animated,
     skins: BTreeMap<usize, Arc<Skin>>,
     /// Shapes that change, by mesh, primitive and skin.
@@ -170,8 +182,9 @@ fn check_version(file: &Arc<str>, root: &Root) -> Result<(), LoadError> {
     }
 }
 
-const EXTENSIONS: [&str; 13] = [
+const EXTENSIONS: [&str; 14] = [
     "KHR_animation_pointer",
+    "EXT_lights_ies",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",

@@ -4,7 +4,7 @@ use glam::{Affine3A, Mat4, Quat, Vec3};
 use heliostat_scene::{InstanceId, ObjectId};
 
 use super::Loader;
-use super::json::Node;
+use super::json::{Node, NodeExtras};
 use super::track::unit;
 use crate::error::LoadError;
 
@@ -103,13 +103,19 @@ impl Loader<'_, '_> {
     /// Makes what stands at a node: cameras, lights and skinned meshes in the world, and the object of an
     /// ordinary mesh, which is returned.
     fn contents(&mut self, node: usize, forest: &Forest) -> Result<Option<ObjectId>, LoadError> {
-        let Node { name, mesh, skin, camera, extensions, .. } = &self.root.nodes[node];
+        let Node { name, mesh, skin, camera, extensions, extras, .. } = &self.root.nodes[node];
         let path = format!("nodes[{node}]");
         if let Some(camera) = camera {
             self.camera(*camera, name.as_deref(), (node, forest), &path)?;
         }
         if let Some(reference) = &extensions.light {
             self.light(reference.light, name.as_deref(), (node, forest), &path)?;
+        }
+        if let Some(reference) = &extensions.light_profile {
+            self.profile_light(reference, name.as_deref(), (node, forest), &path)?;
+        }
+        if let Some(NodeExtras::Ours { heliostat_projector: projector }) = extras.as_deref() {
+            self.projector(projector, name.as_deref(), (node, forest), &path)?;
         }
         match (mesh, skin) {
             (Some(mesh), Some(skin)) => {

@@ -37,7 +37,7 @@ impl Loader<'_, '_> {
         let in_range = match projection {
             Projection::Perspective { vertical_fov } => (1e-4..PI).contains(&vertical_fov),
             Projection::Orthographic { height } => height.is_finite() && height > 0.0,
-            Projection::Panoramic => true,
+            _ => true,
         };
         let Some(world_from_camera) = without_scale(forest.world[node]).filter(|_| in_range) else {
             let message = "the camera's field of view or its node's transform is degenerate; it was left out";
@@ -53,7 +53,7 @@ impl Loader<'_, '_> {
             );
         }
         let name = camera.name.as_deref().or(name).map_or_else(|| format!("camera {index}"), str::to_owned);
-        let camera = Camera { name, world_from_camera, motion: None, projection, lens: None };
+        let camera = Camera { name, world_from_camera, motion: None, projection, lens: None, stereo: None };
         self.stage.cameras.push((self.builder.camera(camera.clone()), camera, node));
         Ok(())
     }
@@ -68,7 +68,8 @@ impl Loader<'_, '_> {
         let light = self.item(&self.root.extensions.lights.lights, "lights", index, user)?;
         let path = format!("extensions.KHR_lights_punctual.lights[{index}]");
         let at_node = light_kind(light);
-        let placed = at_node.and_then(|kind| place_light(kind, &forest.world[node], forest.visible[node]));
+        let placed =
+            at_node.as_ref().and_then(|kind| place_light(kind, &forest.world[node], forest.visible[node]));
         let (Some(at_node), Some(kind)) = (at_node, placed) else {
             let message =
                 format!("the light of type `{}` has values out of range and was left out", light.kind);
@@ -123,7 +124,8 @@ fn light_kind(light: &json::Light) -> Option<LightKind> {
 }
 
 /// A light of a node that stands so; a hidden one is dark. `None` where it would shine in no direction.
-pub(super) fn place_light(mut kind: LightKind, world: &Affine3A, visible: bool) -> Option<LightKind> {
+pub(super) fn place_light(at_node: &LightKind, world: &Affine3A, visible: bool) -> Option<LightKind> {
+    let mut kind = at_node.clone();
     let shown = if visible { 1.0 } else { 0.0 };
     let there = Vec3::from(world.translation);
     let ahead = Vec3::from(world.matrix3 * Vec3A::NEG_Z);
@@ -143,6 +145,12 @@ pub(super) fn place_light(mut kind: LightKind, world: &Affine3A, visible: bool) 
         }
         LightKind::Spot { position, direction, intensity, .. } => {
             (*position, *direction) = (there, ahead);
+            *intensity *= shown;
+        }
+        LightKind::Profile { position, world_from_light, scale: intensity, .. }
+        | LightKind::Projector { position, world_from_light, intensity, .. } => {
+            *position = there;
+            *world_from_light = without_scale(*world)?.matrix3.into();
             *intensity *= shown;
         }
     }

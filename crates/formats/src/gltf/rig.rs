@@ -280,7 +280,7 @@ impl Rig {
         }
         for (id, rest, at_node, node) in &self.lights {
             let State { world, visible, .. } = &states[*node];
-            let kind = place_light(*at_node, world, *visible).unwrap_or(rest.kind);
+            let kind = place_light(at_node, world, *visible).unwrap_or_else(|| rest.kind.clone());
             pose.light(*id, Light { name: rest.name.clone(), kind });
         }
         for (id, rest, node) in &self.cameras {

@@ -80,7 +80,7 @@ impl Loader<'_, '_> {
     }
 
     /// The image of that number; `None` after a warning, once per image, when it cannot be read.
-    fn image(&mut self, index: usize, user: &str) -> Result<Option<Arc<Image>>, LoadError> {
+    pub(super) fn image(&mut self, index: usize, user: &str) -> Result<Option<Arc<Image>>, LoadError> {
         if let Some(known) = self.images.get(&index) {
             return Ok(known.clone());
         }

@@ -16,7 +16,7 @@ mod whole;
 pub use math::{cos_sin_turns, exp, exp2, log2, pow};
 pub use real::{LaneFn, Mask, Packet, Real};
 pub use vector::Vector;
-pub use whole::Whole;
+pub use whole::{Whole, Wholes};
 
 /// Lanes of a packet and entries of a [`Floats`].
 pub const WIDTH: usize = 16;
@@ -55,12 +55,19 @@ pub struct Vectors {
 }
 
 impl Vectors {
+    /// The same vector in every lane.
+    pub fn splat(v: glam::Vec3) -> Self {
+        Self { x: Floats::splat(v.x), y: Floats::splat(v.y), z: Floats::splat(v.z) }
+    }
+
     /// The vector of one lane.
+    #[inline]
     pub fn get(&self, lane: usize) -> glam::Vec3 {
         glam::Vec3::new(self.x.0[lane], self.y.0[lane], self.z.0[lane])
     }
 
     /// Sets the vector of one lane.
+    #[inline]
     pub fn set(&mut self, lane: usize, v: glam::Vec3) {
         (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (v.x, v.y, v.z);
     }

@@ -128,6 +128,18 @@ impl<F: Real> Vector<F> {
         Self::new(self.x.clamp(low, high), self.y.clamp(low, high), self.z.clamp(low, high))
     }
 
+    /// Without the signs of the components.
+    #[inline(always)]
+    pub fn abs(self) -> Self {
+        Self::new(self.x.abs(), self.y.abs(), self.z.abs())
+    }
+
+    /// The larger ones, component by component.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        Self::new(self.x.max(other.x), self.y.max(other.y), self.z.max(other.z))
+    }
+
     /// Largest component.
     #[inline(always)]
     pub fn largest(self) -> F {

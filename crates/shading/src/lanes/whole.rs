@@ -5,7 +5,12 @@ use std::ops::{BitAnd, BitOr, BitXor};
 
 use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
 
-use super::Real;
+use super::{Real, WIDTH};
+
+/// One unsigned number per lane, in memory.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wholes(pub [u32; WIDTH]);
 
 /// An unsigned number of 32 bits per lane; arithmetic wraps round.
 pub trait Whole:
@@ -13,6 +18,9 @@ pub trait Whole:
 {
     /// Floats of as many lanes.
     type Real: Real<Whole = Self>;
+
+    /// Loads as many lanes from `lane` on.
+    fn load(token: <Self::Real as Real>::Token, from: &Wholes, lane: usize) -> Self;
 
     /// All lanes alike, in the registers that `self` is in.
     fn splat(self, value: u32) -> Self;
@@ -38,6 +46,21 @@ pub trait Whole:
     /// Where the bits of `mask` are set in `self`.
     fn has(self, mask: u32) -> <Self::Real as Real>::Mask;
 
+    /// `self` where `mask` is true, zero elsewhere.
+    fn only(self, mask: <Self::Real as Real>::Mask) -> Self;
+
+    /// The bits in reverse order.
+    #[inline(always)]
+    fn reversed(self) -> Self {
+        let swap = [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff)];
+        let mut x = self;
+        for (distance, low) in swap {
+            let low = x.splat(low);
+            x = (x.right(distance) & low) | (x & low).left(distance);
+        }
+        x.right(16) | x.left(16)
+    }
+
     /// The bits as a float in [0, 1): the 24 highest count.
     #[inline(always)]
     fn unit(self) -> Self::Real {
@@ -56,6 +79,11 @@ pub trait Whole:
 
 impl Whole for u32 {
     type Real = f32;
+
+    #[inline(always)]
+    fn load((): (), from: &Wholes, lane: usize) -> Self {
+        from.0[lane]
+    }
 
     #[inline(always)]
     fn splat(self, value: u32) -> Self {
@@ -96,10 +124,25 @@ impl Whole for u32 {
     fn has(self, mask: u32) -> bool {
         self & mask == mask
     }
+
+    #[inline(always)]
+    fn only(self, mask: bool) -> Self {
+        if mask { self } else { 0 }
+    }
+
+    #[inline(always)]
+    fn reversed(self) -> Self {
+        self.reverse_bits()
+    }
 }
 
 impl<S: Simd> Whole for u32x16<S> {
     type Real = f32x16<S>;
+
+    #[inline(always)]
+    fn load(token: S, from: &Wholes, _: usize) -> Self {
+        Self::load_array_ref(token, &from.0)
+    }
 
     #[inline(always)]
     fn splat(self, value: u32) -> Self {
@@ -141,5 +184,10 @@ impl<S: Simd> Whole for u32x16<S> {
     fn has(self, mask: u32) -> <f32x16<S> as Real>::Mask {
         let mask = Whole::splat(self, mask);
         (self & mask).simd_eq(mask)
+    }
+
+    #[inline(always)]
+    fn only(self, mask: <f32x16<S> as Real>::Mask) -> Self {
+        mask.select(self, Whole::splat(self, 0))
     }
 }

@@ -4,9 +4,10 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH};
-use heliostat_shading::{Received, Surfaces, Taking};
+use heliostat_shading::{Received, SamplePoints, Surfaces, Taking};
 
 use super::Gathered;
+use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
 use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
@@ -34,7 +35,7 @@ pub(super) struct Block {
     /// Largest GGX α on the way from the eye.
     alphas: [f32; WIDTH],
     /// Sample points for the light that bounds take away.
-    pub(super) points: [[f32; 4]; WIDTH],
+    pub(super) points: SamplePoints,
     pub(super) irradiance: [Vec3; WIDTH],
     gloss: [Vec3; WIDTH],
 }
@@ -51,6 +52,7 @@ struct Pending {
 /// Lights groups of pixels, each by a set of virtual point lights.
 pub(super) struct ByVpls<'a> {
     vpls: &'a VplSets,
+    photons: &'a PhotonMap,
     groups: &'a [u8],
     /// Edges of whole paths.
     max_edges: u32,
@@ -72,9 +74,15 @@ pub(super) struct ByVpls<'a> {
 
 impl<'a> ByVpls<'a> {
     /// `groups` says which set lights each pixel.
-    pub(super) fn new(groups: &'a [u8], vpls: &'a VplSets, max_edges: u32, compensate: bool) -> Self {
+    pub(super) fn new(
+        groups: &'a [u8],
+        (vpls, photons): (&'a VplSets, &'a PhotonMap),
+        max_edges: u32,
+        compensate: bool,
+    ) -> Self {
         Self {
             vpls,
+            photons,
             groups,
             max_edges,
             gathered: vec![Gathered::default(); groups.len()],
@@ -187,6 +195,23 @@ impl<'a> ByVpls<'a> {
         });
     }
 
+    /// Adds the light that photons have brought to a block's lanes.
+    fn catch(&mut self, index: usize) {
+        let block = &mut self.blocks[index];
+        for lane in (0..block.count).filter(|&lane| block.weights[lane] != Vec3::ZERO) {
+            let (position, normal) = (block.surfaces.position(lane), block.surfaces.normal(lane));
+            let max_edges = self.max_edges.saturating_sub(block.edges[lane]);
+            let irradiance = self.photons.irradiance(position, normal, max_edges);
+            if irradiance != Vec3::ZERO {
+                let radiance = irradiance * std::f32::consts::FRAC_1_PI;
+                let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
+                block.irradiance[lane] += radiance;
+                // Rough lobes are taken for diffuse ones of the same albedo.
+                block.gloss[lane] += radiance * rough.max(Vec3::ZERO);
+            }
+        }
+    }
+
     /// Hands the light of a block's lanes to their pixels.
     fn deliver(&mut self, index: usize) {
         let block = &self.blocks[index];
@@ -236,7 +261,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         usize::from(self.groups[pixel as usize])
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
         if !surfaces.may_have(DULL) {
             return;
         }
@@ -251,7 +276,10 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
-            block.points[lane] = ray.points(RESIDUAL_SLOT);
+            ray.ask(RESIDUAL_SLOT, lane, &mut block.points);
+        }
+        if self.compensate {
+            block.points.draw(view.scene.lane_mode(), block.count);
         }
         (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
     }
@@ -277,6 +305,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
             self.traced += self.residual.add(view, &vpls.sets[group], vpls.bound, blocks);
         }
         for index in 0..self.used {
+            self.catch(index);
             self.deliver(index);
         }
         self.used = 0;

@@ -10,6 +10,8 @@
 
 mod discontinuity;
 mod gather;
+mod photon_map;
+mod photons;
 mod residual;
 mod vpl;
 
@@ -20,6 +22,8 @@ use crate::eye::EyeWalk;
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
 use discontinuity::Window;
 use gather::ByVpls;
+use photon_map::PhotonMap;
+use photons::PhotonPlan;
 use vpl::{PathPlan, VplSets};
 
 /// Edges of whole paths when the request does not say.
@@ -41,12 +45,14 @@ pub struct IgiSettings {
     pub clamp: f32,
     /// Whether short rays give back what the bound takes away.
     pub compensate: bool,
+    /// Photons of each pass, for light that mirrors and glass throw on other surfaces.
+    pub photons: u32,
 }
 
 impl Default for IgiSettings {
-    /// 3×3 sets of 8 paths, filtered, with what the bound takes away given back.
+    /// 3×3 sets of 8 paths, filtered, with what the bound takes away given back, and 20,000 photons.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true }
+        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true, photons: 20_000 }
     }
 }
 
@@ -91,21 +97,58 @@ pub struct IgiFrame<'a, Q: ?Sized> {
     pass: u32,
     /// Its virtual point lights.
     vpls: VplSets,
+    photons: PhotonMap,
+    /// Rays traced to make both.
+    rays: u64,
 }
 
 impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
     /// A frame that starts with its first pass.
     pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings) -> Self {
-        let vpls = draw(view, settings, &igi, 0);
-        Self { view, settings, igi, pass: 0, vpls }
+        let mut frame = Self {
+            view,
+            settings,
+            igi,
+            pass: 0,
+            vpls: VplSets::default(),
+            photons: PhotonMap::default(),
+            rays: 0,
+        };
+        frame.draw();
+        frame
     }
 
-    /// Goes on to another pass: draws its virtual point lights. Returns the number of rays.
+    /// Goes on to another pass: draws its virtual point lights and photons. Returns the number of rays.
     pub fn start(&mut self, pass: u32) -> u64 {
         if pass != self.pass {
-            (self.pass, self.vpls) = (pass, draw(self.view, self.settings, &self.igi, pass));
+            self.pass = pass;
+            self.draw();
         }
-        self.vpls.rays
+        self.rays
+    }
+
+    /// The virtual point lights and photons of the pass.
+    fn draw(&mut self) {
+        let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
+        let [n, m] = self.igi.interleave;
+        let plan = PathPlan {
+            sets: n * m,
+            paths: self.igi.paths,
+            pass: self.pass,
+            seed: self.settings.seed,
+            max_bounces: max_edges.saturating_sub(2),
+            clamp: self.igi.clamp,
+        };
+        self.vpls = VplSets::new(self.view, &plan);
+        let plan = PhotonPlan {
+            count: self.igi.photons,
+            pass: self.pass,
+            seed: self.settings.seed,
+            max_edges: max_edges.saturating_sub(1),
+        };
+        let (photons, rays) = photons::trace(self.view, &self.vpls, &plan);
+        self.photons = PhotonMap::new(photons, self.view.query.bounds().size().length(), self.pass);
+        self.rays = self.vpls.rays + rays;
     }
 
     /// The regions of a picture: as many pixels of every set in each as fill a tile.
@@ -120,7 +163,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         let [n, m] = self.igi.interleave;
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
-        let lighting = ByVpls::new(&groups, &self.vpls, max_edges, self.igi.compensate);
+        let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
         let traced = walk_sample(&mut walk, self.view, self.settings, region, self.pass, sums);
         let traced = traced + walk.lighting.traced();
@@ -140,23 +183,4 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         };
         (0..width).map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y)).collect()
     }
-}
-
-/// The virtual point lights of a pass.
-fn draw<Q: RayQuery + ?Sized>(
-    view: &View<'_, Q>,
-    settings: &Settings,
-    igi: &IgiSettings,
-    pass: u32,
-) -> VplSets {
-    let [n, m] = igi.interleave;
-    let plan = PathPlan {
-        sets: n * m,
-        paths: igi.paths,
-        pass,
-        seed: settings.seed,
-        max_bounces: settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES).saturating_sub(2),
-        clamp: igi.clamp,
-    };
-    VplSets::new(view, &plan)
 }

@@ -11,7 +11,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Floats, Vectors};
+use heliostat_shading::lanes::Vectors;
 use heliostat_shading::{Cone, Lobes, Scattered, Selection, Surface};
 
 use super::gather::Block;
@@ -26,7 +26,7 @@ pub(super) struct Residual {
     origins: Vectors,
     rays: Vec<Ray>,
     /// Block, lane and sample points of each ray.
-    of: Vec<(u32, u32, [f32; 4])>,
+    of: Vec<(u32, u32, f32)>,
     hits: Vec<Hit>,
     /// Running sum of weights, direction, distance and radiance over weight of each light at a surface.
     lights: Vec<(f32, Vec3, f32, Vec3)>,
@@ -56,7 +56,7 @@ impl Residual {
         self.hits.resize(self.rays.len(), Hit::MISS);
         view.query.intersect(&self.rays, &mut self.hits);
         for i in 0..self.hits.len() {
-            let (hit, ray, (block, lane, points)) = (&self.hits[i], &self.rays[i], self.of[i]);
+            let (hit, ray, (block, lane, u_light)) = (&self.hits[i], &self.rays[i], self.of[i]);
             if !hit.is_hit() {
                 continue;
             }
@@ -67,8 +67,8 @@ impl Residual {
                 continue;
             }
             let surface = view.scene.surface(hit, ray, Cone::default());
-            let [_, _, _, u] = points;
-            let Some((wi, distance, radiance)) = self.choose(vpls, bound, &surface, u) else { continue };
+            let chosen = self.choose(vpls, bound, &surface, u_light);
+            let Some((wi, distance, radiance)) = chosen else { continue };
             let shadow = Ray { t_max: distance, ..Ray::new(surface.spawn(wi.into()).into(), wi) };
             self.shadows.push(shadow, PendingLight { pixel: i as u32, radiance: radiance * missing });
         }
@@ -120,17 +120,14 @@ impl Residual {
             if !block.surfaces.may_have(diffuse) {
                 continue;
             }
-            let mut u = [Floats::ZERO; 3];
-            for (lane, points) in block.points[..block.count].iter().enumerate() {
-                (u[0].0[lane], u[1].0[lane], u[2].0[lane]) = (points[0], points[1], points[2]);
-            }
-            block.surfaces.sample(&u, diffuse, block.count, &mut self.samples);
+            let [u_lobe, u, v, u_light] = &block.points.u;
+            block.surfaces.sample([u_lobe, u, v], diffuse, block.count, &mut self.samples);
             block.surfaces.spawn(&self.samples.wi, block.count, &mut self.origins);
             for lane in 0..block.count {
                 if self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
                     let ray = Ray::new(self.origins.get(lane), self.samples.wi.get(lane));
                     self.rays.push(Ray { t_max: reach, ..ray });
-                    self.of.push((index as u32, lane as u32, block.points[lane]));
+                    self.of.push((index as u32, lane as u32, u_light.0[lane]));
                 }
             }
         }

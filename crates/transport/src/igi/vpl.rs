@@ -7,7 +7,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::{Cone, EmittedRay, Selection, Source};
+use heliostat_shading::{Cone, EmittedRay, Sampler, Selection, Source};
 
 use crate::eye::DULL;
 use crate::region::View;
@@ -20,7 +20,7 @@ const ROULETTE_FROM: u32 = 1;
 const MAX_PASSED: u32 = 64;
 
 /// A source of light that many points share: on a light (bounce 0) or on a surface that light has reached.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Vpl {
     /// What it sends, divided by the number of paths.
     pub(crate) source: Source,
@@ -29,7 +29,7 @@ pub(crate) struct Vpl {
 }
 
 /// The virtual point lights of one pass, a set for every pixel of the interleaving pattern.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct VplSets {
     pub(crate) sets: Vec<Vec<Vpl>>,
     /// Largest geometric term that a patch may have, 1/m².
@@ -176,11 +176,9 @@ impl VplSets {
     }
 }
 
-/// Four numbers in [0, 1) for a vertex of a path: Owen-scrambled Sobol points (Burley 2020), the same for every frame so
-/// that still pictures stand still.
+/// Four numbers in [0, 1) for a vertex of a path, the same for every frame so that still pictures stand still.
 fn points(plan: &PathPlan, index: u32, vertex: u32) -> [f32; 4] {
-    let scramble = index >> 16;
-    sobol_burley::sample_4d(index & 0xffff, vertex % 64, plan.seed ^ scramble.wrapping_mul(0x9e37_79b9))
+    Sampler::along(index, plan.seed).set(vertex)
 }
 
 fn scaled(source: Source, share: f32) -> Source {

@@ -7,12 +7,13 @@ use heliostat_kernel::Isa;
 use super::*;
 use crate::lanes::{Floats, Packet, Vectors, WIDTH};
 use crate::packet::on_lanes;
+use crate::sampler::Sampler;
 use crate::surface::LaneMode;
 
 /// Points of a box of edge `size` around the origin.
 fn places(n: u32, size: f32) -> impl Iterator<Item = Vec3> {
     (0..n).map(move |i| {
-        let [x, y, z, _] = sobol_burley::sample_4d(i % (1 << 16), 0, 7 + (i >> 16));
+        let [x, y, z, _] = Sampler::along(i % (1 << 16), 7 + (i >> 16)).set(0);
         (Vec3::new(x, y, z) - 0.5) * size
     })
 }
