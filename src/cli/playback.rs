@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use heliostat::scene::{Camera, Edit, Environment, Scene};
-use heliostat_viewer::Replay;
+use heliostat::scene::{Camera, Edit, Scene};
+use heliostat_viewer::{Own, Replay};
 
 use super::failure::Failure;
 
@@ -48,17 +48,12 @@ impl Playback {
         self.replay.view(at).map(|(camera, _)| camera)
     }
 
-    /// What was changed since the moment asked for before, up to this one; `own` is the environment that the scene came
-    /// with.
+    /// What was changed since the moment asked for before, up to this one; `own` is of the scene as it
+    /// came.
     ///
     /// # Errors
     /// When this is not the scene in which it was changed.
-    pub(super) fn changes(
-        &mut self,
-        at: f64,
-        scene: &Scene,
-        own: &Environment,
-    ) -> Result<Vec<Edit>, Failure> {
+    pub(super) fn changes(&mut self, at: f64, scene: &Scene, own: &Own) -> Result<Vec<Edit>, Failure> {
         let edits = self.replay.edits(scene, own, self.done, at);
         self.done = Some(at);
         edits.map_err(|refusal| {

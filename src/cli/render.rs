@@ -17,6 +17,7 @@ use heliostat::scene::{
 };
 use heliostat::shading::ShaderRegistry;
 use heliostat::shading::pixel::{BoundPixelShader, PixelRegistry};
+use heliostat_viewer::Own;
 use serde_json::{Value, json};
 
 use super::failure::Failure;
@@ -278,7 +279,7 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
     }
     let first = sequence.frames().start;
     edits.extend(sequence.edits(first));
-    let own = scene.environment().clone();
+    let own = Own::of(&scene);
     edits.extend(sequence.changes(first, &scene, &own)?);
     let engine = build(arguments, edits)?;
     render(arguments, &mut sequence, &mut pictures, engine, &own)?;
@@ -338,7 +339,7 @@ fn render(
     sequence: &mut Sequence,
     pictures: &mut Pictures,
     (mut engine, mut applied): (Engine, ApplyReport),
-    own: &Environment,
+    own: &Own,
 ) -> Result<(), Failure> {
     let frames = sequence.frames();
     let mut framed = None;

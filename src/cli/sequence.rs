@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use heliostat::scene::{Camera, Clip, Edit, Environment, Scene, Timeline};
+use heliostat::scene::{Camera, Clip, Edit, Scene, Timeline};
+use heliostat_viewer::Own;
 
 use super::failure::Failure;
 use super::playback::Playback;
@@ -139,12 +140,7 @@ impl Sequence {
     ///
     /// # Errors
     /// When it does not fit the scene.
-    pub(super) fn changes(
-        &mut self,
-        frame: u32,
-        scene: &Scene,
-        own: &Environment,
-    ) -> Result<Vec<Edit>, Failure> {
+    pub(super) fn changes(&mut self, frame: u32, scene: &Scene, own: &Own) -> Result<Vec<Edit>, Failure> {
         let at = self.moment(frame);
         self.playback.as_mut().map_or(Ok(Vec::new()), |playback| playback.changes(at, scene, own))
     }

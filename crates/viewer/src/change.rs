@@ -1,5 +1,6 @@
 //! What a user can change in a scene, small enough to be stored, sent and taken back.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Vec3};
@@ -94,11 +95,37 @@ pub enum Lamp {
         direction: [f32; 3],
         irradiance: [f32; 3],
     },
-    /// A light with a profile or picture, which it keeps.
-    Pattern {
+    /// A measured light that the scene came with, elsewhere or brighter.
+    Profile {
+        position: [f32; 3],
+        scale: [f32; 3],
+    },
+    /// A projector that the scene came with, elsewhere or brighter.
+    Projector {
         position: [f32; 3],
         intensity: [f32; 3],
     },
+}
+
+/// What a scene came with and small changes cannot say: they refer to it.
+#[derive(Clone, Debug, Default)]
+pub struct Own {
+    pub(crate) environment: Environment,
+    /// Lights that hold measurements or pictures.
+    lights: BTreeMap<LightId, LightKind>,
+}
+
+impl Own {
+    /// Of a scene before any change.
+    pub fn of(scene: &Scene) -> Self {
+        let holds =
+            |kind: &LightKind| matches!(kind, LightKind::Profile { .. } | LightKind::Projector { .. });
+        let lights = scene.lights().iter().filter(|(_, light)| holds(&light.kind));
+        Self {
+            environment: scene.environment().clone(),
+            lights: lights.map(|(id, light)| (*id, light.kind.clone())).collect(),
+        }
+    }
 }
 
 /// What surrounds a scene.
@@ -111,6 +138,17 @@ pub enum Surroundings {
     Constant {
         /// Linear Rec. 709 radiance.
         radiance: [f32; 3],
+    },
+    /// A clear sky with its sun.
+    Sky {
+        /// Haze, 1.7 to 10.
+        turbidity: f32,
+        /// Of the sun above the horizon, radians.
+        elevation: f32,
+        /// Of the sun, from −Z towards +X, radians.
+        azimuth: f32,
+        /// Multiplies the radiance.
+        scale: [f32; 3],
     },
     /// What the scene brings, brighter or dimmer and turned.
     Own {
@@ -134,11 +172,11 @@ impl Change {
         Self::Place { instance: instance.0, parent_from_object: parent_from_object.to_cols_array() }
     }
 
-    /// The edit that makes this change; `own` is the environment that the scene brings.
+    /// The edit that makes this change; `own` is of the scene as it came.
     ///
     /// # Errors
     /// When the scene has no such thing. Values out of range are refused when the edit is applied.
-    pub fn edit(&self, scene: &Scene, own: &Environment) -> Result<Edit, String> {
+    pub fn edit(&self, scene: &Scene, own: &Own) -> Result<Edit, String> {
         Ok(match self {
             Self::Place { instance, parent_from_object } => {
                 Edit::MoveInstance(InstanceId(*instance), Affine3A::from_cols_array(parent_from_object))
@@ -151,10 +189,12 @@ impl Change {
             }
             Self::Light { light, to: None, .. } => Edit::RemoveLight(LightId(*light)),
             Self::Light { light, name, to: Some(lamp) } => {
-                let own = scene.lights().get(&LightId(*light)).map(|own| &own.kind);
-                Edit::Light(LightId(*light), Light { name: name.clone(), kind: lamp.kind(own) })
+                let id = LightId(*light);
+                let missing = || format!("{id} did not come with the scene as one of this kind");
+                let kind = lamp.kind(own.lights.get(&id)).ok_or_else(missing)?;
+                Edit::Light(id, Light { name: name.clone(), kind })
             }
-            Self::Environment { to } => Edit::Environment(to.around(own)),
+            Self::Environment { to } => Edit::Environment(to.around(&own.environment)),
         })
     }
 
@@ -241,8 +281,8 @@ impl Look {
 impl Lamp {
     /// The form of a light.
     pub fn of(kind: &LightKind) -> Self {
-        let finite = |range: f32| range.is_finite().then_some(range);
-        match *kind {
+        let finite = |range: &f32| range.is_finite().then_some(*range);
+        match kind {
             LightKind::Point { position, intensity, range } => Self::Point {
                 position: position.to_array(),
                 intensity: intensity.to_array(),
@@ -253,8 +293,8 @@ impl Lamp {
                     position: position.to_array(),
                     direction: direction.to_array(),
                     intensity: intensity.to_array(),
-                    inner_angle,
-                    outer_angle,
+                    inner_angle: *inner_angle,
+                    outer_angle: *outer_angle,
                     range: finite(range),
                 }
             }
@@ -264,21 +304,24 @@ impl Lamp {
             LightKind::Directional { direction, irradiance } => {
                 Self::Directional { direction: direction.to_array(), irradiance: irradiance.to_array() }
             }
-            LightKind::Profile { position, scale: intensity, .. }
-            | LightKind::Projector { position, intensity, .. } => {
-                Self::Pattern { position: position.to_array(), intensity: intensity.to_array() }
+            LightKind::Profile { position, scale, .. } => {
+                Self::Profile { position: position.to_array(), scale: scale.to_array() }
+            }
+            LightKind::Projector { position, intensity, .. } => {
+                Self::Projector { position: position.to_array(), intensity: intensity.to_array() }
             }
         }
     }
 
-    /// The light; `own` is what it is now. A pattern that was none before is a point.
-    fn kind(&self, own: Option<&LightKind>) -> LightKind {
+    /// The light; `own` is what came with the scene under the same handle. `None` if this form refers to something else
+    /// there.
+    fn kind(&self, own: Option<&LightKind>) -> Option<LightKind> {
         let far = |range: Option<f32>| range.unwrap_or(f32::INFINITY);
-        match *self {
-            Self::Point { position, intensity, range } => {
+        Some(match (self, own) {
+            (&Self::Point { position, intensity, range }, _) => {
                 LightKind::Point { position: position.into(), intensity: intensity.into(), range: far(range) }
             }
-            Self::Spot { position, direction, intensity, inner_angle, outer_angle, range } => {
+            (&Self::Spot { position, direction, intensity, inner_angle, outer_angle, range }, _) => {
                 LightKind::Spot {
                     position: position.into(),
                     direction: direction.into(),
@@ -288,25 +331,35 @@ impl Lamp {
                     range: far(range),
                 }
             }
-            Self::ConstantPoint { position, irradiance } => {
+            (&Self::ConstantPoint { position, irradiance }, _) => {
                 LightKind::ConstantPoint { position: position.into(), irradiance: irradiance.into() }
             }
-            Self::Directional { direction, irradiance } => {
+            (&Self::Directional { direction, irradiance }, _) => {
                 LightKind::Directional { direction: direction.into(), irradiance: irradiance.into() }
             }
-            Self::Pattern { position, intensity } => {
-                let (to, power) = (position.into(), intensity.into());
-                let mut kind = own.cloned();
-                match &mut kind {
-                    Some(LightKind::Profile { position, scale: intensity, .. })
-                    | Some(LightKind::Projector { position, intensity, .. }) => {
-                        (*position, *intensity) = (to, power);
-                    }
-                    _ => kind = None,
-                }
-                kind.unwrap_or(LightKind::Point { position: to, intensity: power, range: f32::INFINITY })
-            }
-        }
+            (
+                Self::Profile { position, scale },
+                Some(LightKind::Profile { world_from_light, profile, range, .. }),
+            ) => LightKind::Profile {
+                position: (*position).into(),
+                world_from_light: *world_from_light,
+                scale: (*scale).into(),
+                profile: profile.clone(),
+                range: *range,
+            },
+            (
+                Self::Projector { position, intensity },
+                Some(LightKind::Projector { world_from_light, vertical_fov, image, range, .. }),
+            ) => LightKind::Projector {
+                position: (*position).into(),
+                world_from_light: *world_from_light,
+                intensity: (*intensity).into(),
+                vertical_fov: *vertical_fov,
+                image: image.clone(),
+                range: *range,
+            },
+            (Self::Profile { .. } | Self::Projector { .. }, _) => return None,
+        })
     }
 
     /// Where it stands; lights at infinity stand nowhere.
@@ -314,8 +367,9 @@ impl Lamp {
         match *self {
             Self::Point { position, .. }
             | Self::Spot { position, .. }
-            | Self::Pattern { position, .. }
-            | Self::ConstantPoint { position, .. } => Some(position.into()),
+            | Self::ConstantPoint { position, .. }
+            | Self::Profile { position, .. }
+            | Self::Projector { position, .. } => Some(position.into()),
             Self::Directional { .. } => None,
         }
     }
@@ -325,9 +379,10 @@ impl Lamp {
         match &mut self {
             Self::Point { intensity: power, .. }
             | Self::Spot { intensity: power, .. }
-            | Self::Pattern { intensity: power, .. }
             | Self::ConstantPoint { irradiance: power, .. }
-            | Self::Directional { irradiance: power, .. } => *power = power.map(|value| value * factor),
+            | Self::Directional { irradiance: power, .. }
+            | Self::Profile { scale: power, .. }
+            | Self::Projector { intensity: power, .. } => *power = power.map(|value| value * factor),
         }
         self
     }
@@ -337,8 +392,9 @@ impl Lamp {
         match &mut self {
             Self::Point { position, .. }
             | Self::Spot { position, .. }
-            | Self::Pattern { position, .. }
-            | Self::ConstantPoint { position, .. } => {
+            | Self::ConstantPoint { position, .. }
+            | Self::Profile { position, .. }
+            | Self::Projector { position, .. } => {
                 *position = place.to_array();
             }
             Self::Directional { .. } => {}
@@ -353,6 +409,9 @@ impl Surroundings {
         match *self {
             Self::Dark => Environment::None,
             Self::Constant { radiance } => Environment::Constant(radiance.into()),
+            Self::Sky { turbidity, elevation, azimuth, scale } => {
+                Environment::Sky(Sky { scale: scale.into(), ..Sky::new(turbidity, elevation, azimuth) })
+            }
             Self::Own { scale, turn } => match own {
                 Environment::None => Environment::None,
                 Environment::Constant(radiance) => Environment::Constant(*radiance * Vec3::from(scale)),
@@ -362,8 +421,8 @@ impl Surroundings {
                     nadir: bands.nadir * Vec3::from(scale),
                 }),
                 Environment::Sky(sky) => Environment::Sky(Sky {
-                    scale: sky.scale * Vec3::from(scale),
                     to_sun: Mat3::from_rotation_y(turn) * sky.to_sun,
+                    scale: sky.scale * Vec3::from(scale),
                     ..*sky
                 }),
                 Environment::Map(map) => Environment::Map(EnvironmentMap {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use heliostat_scene::{ApplyReport, Backend, BackendError, Edit, Environment, Progress, Scene, Timeline};
 
-use crate::change::{Change, Surroundings};
+use crate::change::{Change, Own, Surroundings};
 
 /// Most steps that can be undone; the oldest are forgotten.
 const MAX_STEPS: usize = 500;
@@ -13,8 +13,8 @@ const MAX_STEPS: usize = 500;
 pub(crate) struct Document {
     backend: Box<dyn Backend + Send>,
     scene: Scene,
-    /// The environment that the scene came with.
-    own: Environment,
+    /// What the scene came with.
+    own: Own,
     surroundings: Surroundings,
     undo: VecDeque<Step>,
     redo: Vec<Step>,
@@ -52,7 +52,7 @@ impl std::fmt::Debug for Document {
 impl Document {
     /// A backend that holds `scene` already.
     pub(crate) fn new(backend: Box<dyn Backend + Send>, scene: Scene, timeline: Timeline) -> Self {
-        let own = scene.environment().clone();
+        let own = Own::of(&scene);
         Self {
             backend,
             scene,
@@ -82,7 +82,7 @@ impl Document {
 
     /// The environment that the scene came with.
     pub(crate) fn own_environment(&self) -> &Environment {
-        &self.own
+        &self.own.environment
     }
 
     /// What undoing and redoing would do.

@@ -1,6 +1,7 @@
 //! Between the picture and the world: rays through picture points, projections back, boxes of placed things.
 
 use std::collections::BTreeMap;
+use std::f32::consts::{PI, TAU};
 
 use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Geometry, InstanceId, ObjectId, Projection, Quadric, Scene, SceneBounds};
@@ -18,7 +19,7 @@ pub(crate) struct PictureRay {
 }
 
 /// The ray through a point of the picture; `at` runs from (0, 0) at the top left to (1, 1) at the bottom right, `aspect`
-/// is width over height. Lenses are taken for pinholes.
+/// is width over height. Lenses are taken for pinholes, two eyes for one.
 pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay {
     let place = camera.world_from_camera;
     let (x, y) = ((2.0 * at.x - 1.0) * aspect, 1.0 - 2.0 * at.y);
@@ -29,14 +30,17 @@ pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay 
         }
         Projection::Orthographic { height } => (0.5 * height * Vec3::new(x, y, 0.0), Vec3::NEG_Z),
         Projection::Panoramic => {
-            let (sin, cos) = ((at.x - 0.5) * std::f32::consts::TAU).sin_cos();
-            let (sin_polar, cos_polar) = (at.y * std::f32::consts::PI).sin_cos();
+            let (sin, cos) = ((at.x - 0.5) * TAU).sin_cos();
+            let (sin_polar, cos_polar) = (at.y * PI).sin_cos();
             (Vec3::ZERO, Vec3::new(sin_polar * sin, cos_polar, -sin_polar * cos))
         }
-        Projection::FisheyeEquidistant { fov } => (Vec3::ZERO, off_axis(x, y, |radius| 0.5 * fov * radius)),
+        // The angle from the axis, or the sine of its half, is in proportion to the distance from the centre.
+        Projection::FisheyeEquidistant { fov } => {
+            (Vec3::ZERO, off_axis(x, y, (0.5 * fov * x.hypot(y)).min(PI)))
+        }
         Projection::FisheyeEquisolid { fov } => {
-            let edge = (0.25 * fov).sin();
-            (Vec3::ZERO, off_axis(x, y, |radius| 2.0 * (edge * radius).min(1.0).asin()))
+            let sine = ((0.25 * fov).sin() * x.hypot(y)).min(1.0);
+            (Vec3::ZERO, off_axis(x, y, 2.0 * sine.asin()))
         }
     };
     PictureRay {
@@ -45,12 +49,10 @@ pub(crate) fn ray_through(camera: &Camera, at: Vec2, aspect: f32) -> PictureRay 
     }
 }
 
-/// A direction whose angle from the view axis depends on the distance from the picture's centre, in half heights.
-fn off_axis(x: f32, y: f32, angle: impl Fn(f32) -> f32) -> Vec3 {
-    let radius = x.hypot(y);
-    let (sin, cos) = angle(radius).min(std::f32::consts::PI).sin_cos();
-    let aside = if radius > 0.0 { Vec2::new(x, y) * (sin / radius) } else { Vec2::ZERO };
-    aside.extend(-cos)
+/// A direction at an angle from the view axis, towards (x, y) of the picture.
+fn off_axis(x: f32, y: f32, angle: f32) -> Vec3 {
+    let across = Vec2::new(x, y).normalize_or_zero() * angle.sin();
+    across.extend(-angle.cos())
 }
 
 /// Where a point of the world appears in the picture; `None` behind the camera and for panoramas and fisheyes, in which

@@ -30,7 +30,7 @@ mod web;
 mod window;
 mod worker;
 
-pub use change::{Change, Lamp, Look, Surroundings};
+pub use change::{Change, Lamp, Look, Own, Surroundings};
 pub use document::Refusal;
 pub use gizmo::{GizmoMode, Line, LineKind};
 pub use host::{Host, Opened, Source};

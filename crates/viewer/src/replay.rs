@@ -9,14 +9,14 @@
 //! | `scene` | what was looked at: a name or a file, for [`Replay::scene`] |
 //! | `renderer`, `size`, `exposure`, `diffuse` | how it was looked at; no exposure lets the picture decide |
 //! | `clip` | the number of the clip that was played; absent for a scene at rest |
-//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or neither (panorama) |
+//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or `equidistant` or `equisolid` (fisheye, radians over the height) or none of them (panorama) |
 //! | `changes` | in order: `at` (seconds; 0 is before the first picture) and the fields of a [`Change`] |
 
 use glam::{Affine3A, Mat3A, Quat};
-use heliostat_scene::{Camera, Edit, Environment, Projection, Scene};
+use heliostat_scene::{Camera, Edit, Projection, Scene};
 use serde::{Deserialize, Serialize};
 
-use crate::change::Change;
+use crate::change::{Change, Own};
 use crate::document::Refusal;
 
 /// Most views of a path and most changes.
@@ -73,10 +73,10 @@ pub struct Key {
     /// Of a parallel view, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height: Option<f32>,
-    /// Of an equidistant fisheye, radians.
+    /// Of an equidistant fisheye, radians over the height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fisheye: Option<f32>,
-    /// Of an equisolid fisheye, radians. A view without any of these angles is a panorama.
+    pub equidistant: Option<f32>,
+    /// Of an equisolid fisheye, radians over the height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub equisolid: Option<f32>,
 }
@@ -95,24 +95,32 @@ impl Key {
     /// A view at a moment.
     pub fn new(at: f64, time: f64, camera: &Camera) -> Self {
         let world_from_camera = camera.world_from_camera.to_cols_array();
-        let (vertical_fov, height, fisheye, equisolid) = (None, None, None, None);
-        let key = Self { at, time, world_from_camera, vertical_fov, height, fisheye, equisolid };
+        let mut key = Self {
+            at,
+            time,
+            world_from_camera,
+            vertical_fov: None,
+            height: None,
+            equidistant: None,
+            equisolid: None,
+        };
         match camera.projection {
-            Projection::Perspective { vertical_fov } => Self { vertical_fov: Some(vertical_fov), ..key },
-            Projection::Orthographic { height } => Self { height: Some(height), ..key },
-            Projection::FisheyeEquidistant { fov } => Self { fisheye: Some(fov), ..key },
-            Projection::FisheyeEquisolid { fov } => Self { equisolid: Some(fov), ..key },
-            Projection::Panoramic => key,
+            Projection::Perspective { vertical_fov } => key.vertical_fov = Some(vertical_fov),
+            Projection::Orthographic { height } => key.height = Some(height),
+            Projection::FisheyeEquidistant { fov } => key.equidistant = Some(fov),
+            Projection::FisheyeEquisolid { fov } => key.equisolid = Some(fov),
+            Projection::Panoramic => {}
         }
+        key
     }
 
     fn projection(&self) -> Projection {
-        match (self.vertical_fov, self.height, self.fisheye, self.equisolid) {
+        match (self.vertical_fov, self.height, self.equidistant, self.equisolid) {
             (Some(vertical_fov), ..) => Projection::Perspective { vertical_fov },
             (_, Some(height), ..) => Projection::Orthographic { height },
             (_, _, Some(fov), _) => Projection::FisheyeEquidistant { fov },
-            (.., Some(fov)) => Projection::FisheyeEquisolid { fov },
-            (None, None, None, None) => Projection::Panoramic,
+            (_, _, _, Some(fov)) => Projection::FisheyeEquisolid { fov },
+            _ => Projection::Panoramic,
         }
     }
 
@@ -232,17 +240,11 @@ impl Replay {
     }
 
     /// The edits that make the changes after `from` up to `to`; from the very start, with those of moment 0, when `from`
-    /// is `None`. `own` is the environment that the scene came with.
+    /// is `None`. `own` is of the scene as it came.
     ///
     /// # Errors
     /// When the scene has not what was changed.
-    pub fn edits(
-        &self,
-        scene: &Scene,
-        own: &Environment,
-        from: Option<f64>,
-        to: f64,
-    ) -> Result<Vec<Edit>, Refusal> {
+    pub fn edits(&self, scene: &Scene, own: &Own, from: Option<f64>, to: f64) -> Result<Vec<Edit>, Refusal> {
         let due =
             self.changes.iter().filter(|timed| from.is_none_or(|from| timed.at > from) && timed.at <= to);
         // Edits of one list see the scene as it was: of several for one thing the last must stand alone.
@@ -345,7 +347,7 @@ mod tests {
         let mut scene = Scene::default();
         scene.apply(&heliostat_builtin::build("cornell").expect("built in")).expect("valid");
         let edits = |from, to| {
-            let edits = replay.edits(&scene, &Environment::None, from, to).expect("it has the instance");
+            let edits = replay.edits(&scene, &Own::default(), from, to).expect("it has the instance");
             edits
                 .iter()
                 .map(|edit| match edit {

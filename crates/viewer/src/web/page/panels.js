@@ -71,7 +71,7 @@ export class Panels {
     for (const id of ['l-color', 'l-power', 'l-x', 'l-y', 'l-z', 'l-height', 'l-turn']) this.field(id, () => this.lamp());
     this.button('l-remove', () => { this.gesture += 1; this.change({ kind: 'light', light: this.light }); });
     this.button('add-light', () => send({ do: 'add-light' }));
-    for (const id of ['sky', 'e-color', 'e-scale', 'e-turn']) this.field(id, () => this.surroundings());
+    for (const id of ['sky', 'e-color', 'e-scale', 'e-turn', 'e-height', 'e-haze']) this.field(id, () => this.surroundings());
 
     this.field('renderer', e => send({ do: 'renderer', name: e.value }));
     this.field('plane', e => send({ do: 'show', plane: e.value || null }));
@@ -116,7 +116,7 @@ export class Panels {
     const light = this.scene?.lights.find(light => light.id === this.light);
     if (!light) return;
     const to = { ...light.lamp }, power = join($('l-color').value, +$('l-power').value);
-    if ('intensity' in to) to.intensity = power; else to.irradiance = power;
+    to[['intensity', 'irradiance', 'scale'].find(name => name in to)] = power;
     if ('position' in to) to.position = ['l-x', 'l-y', 'l-z'].map((id, i) => $(id).value === '' ? to.position[i] : +$(id).value);
     if (to.type === 'directional') {
       const [height, turn] = ['l-height', 'l-turn'].map(id => +$(id).value * Math.PI / 180);
@@ -127,7 +127,8 @@ export class Panels {
 
   surroundings() {
     const scale = 2 ** +$('e-scale').value, color = toLinear($('e-color').value).map(v => v * scale);
-    const to = { own: { type: 'own', scale: color, turn: +$('e-turn').value * Math.PI / 180 }, constant: { type: 'constant', radiance: color }, dark: { type: 'dark' } }[$('sky').value];
+    const turn = +$('e-turn').value * Math.PI / 180, elevation = +$('e-height').value * Math.PI / 180;
+    const to = { sky: { type: 'sky', turbidity: +$('e-haze').value, elevation, azimuth: turn, scale: color }, own: { type: 'own', scale: color, turn }, constant: { type: 'constant', radiance: color }, dark: { type: 'dark' } }[$('sky').value];
     this.change({ kind: 'environment', to });
   }
 
@@ -172,7 +173,7 @@ export class Panels {
     options('light', [['', s.light_count > s.lights.length ? `— (of ${s.light_count})` : '—'], ...s.lights.map(l => [l.id, l.name])], light ? light.id : '');
     $('lamp').hidden = !light;
     if (light) {
-      const { lamp } = light, { hex, power } = split(lamp.intensity ?? lamp.irradiance);
+      const { lamp } = light, { hex, power } = split(lamp.intensity ?? lamp.irradiance ?? lamp.scale);
       put('l-color', hex); put('l-power', Math.max(-10, Math.min(16, power)).toFixed(1));
       $('l-place').hidden = !lamp.position;
       $('l-sun').hidden = lamp.type !== 'directional';
@@ -185,7 +186,9 @@ export class Panels {
     const around = s.surroundings;
     put('sky', around.type);
     const { hex, power } = split(around.radiance ?? around.scale ?? [1, 1, 1]);
-    put('e-color', hex); put('e-scale', Math.max(-8, Math.min(6, power)).toFixed(1)); put('e-turn', Math.round((around.turn ?? 0) * 180 / Math.PI));
+    put('e-color', hex); put('e-scale', Math.max(-8, Math.min(6, power)).toFixed(1)); put('e-turn', Math.round((around.turn ?? around.azimuth ?? 0) * 180 / Math.PI));
+    if (around.type === 'sky') { put('e-height', Math.round(around.elevation * 180 / Math.PI)); put('e-haze', around.turbidity); }
+    $('e-sun').hidden = around.type !== 'sky';
     options('renderer', s.renderers.map(name => [name, name]), s.renderer);
     options('plane', [['', 'the picture'], ...s.planes.map(name => [name, name])], s.plane ?? '');
     check('diffuse', s.diffuse); check('auto', s.exposure === null);
