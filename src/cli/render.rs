@@ -136,6 +136,8 @@ enum Renderer {
     Direct,
     /// Instant Global Illumination: all light at once, by virtual point lights
     Igi,
+    /// Its ancestor, for comparison: one set of virtual point lights for all pixels, nothing filtered
+    InstantRadiosity,
     /// Ray casting: first surfaces and all lights, without shadows
     Cast,
 }
@@ -192,6 +194,7 @@ impl Renderer {
             Self::Path => "path",
             Self::Direct => "direct",
             Self::Igi => "igi",
+            Self::InstantRadiosity => "instant-radiosity",
             Self::Cast => "cast",
         }
     }
@@ -200,7 +203,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi | Self::Cast => 1,
+            Self::Igi | Self::InstantRadiosity | Self::Cast => 1,
         }
     }
 }

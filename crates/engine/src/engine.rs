@@ -156,7 +156,7 @@ impl Engine {
             seed: request.seed,
             frame: request.frame,
             filter: PixelFilter::new(request.filter),
-            aligned: renderer == Renderer::Igi,
+            aligned: matches!(renderer, Renderer::Igi | Renderer::InstantRadiosity),
             ambient: request.ambient,
         };
         let rays = match renderer {
@@ -164,6 +164,10 @@ impl Engine {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
             Renderer::Igi => self.render_igi(&view, &settings, &request.igi, film, progress)?,
+            Renderer::InstantRadiosity => {
+                let alone = IgiOptions { interleave: [1, 1], filter: false, ..request.igi };
+                self.render_igi(&view, &settings, &alone, film, progress)?
+            }
         };
         if progress.is_cancelled() {
             return Err(BackendError::Cancelled);
@@ -267,13 +271,20 @@ enum Renderer {
     ByRegion(Integrator),
     /// Instant Global Illumination.
     Igi,
+    /// Its ancestor, for comparison: all pixels share one set of virtual point lights and nothing is filtered (Keller,
+    /// "Instant Radiosity", 1997).
+    InstantRadiosity,
 }
 
 impl Renderer {
-    const NAMES: [&str; 4] = ["path", "direct", "igi", "cast"];
+    const NAMES: [&str; 5] = ["path", "direct", "igi", "instant-radiosity", "cast"];
 
     fn by_name(name: &str) -> Option<Self> {
-        if name == "igi" { Some(Self::Igi) } else { Integrator::by_name(name).map(Self::ByRegion) }
+        match name {
+            "igi" => Some(Self::Igi),
+            "instant-radiosity" => Some(Self::InstantRadiosity),
+            _ => Integrator::by_name(name).map(Self::ByRegion),
+        }
     }
 }
 

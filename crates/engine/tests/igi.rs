@@ -250,3 +250,12 @@ fn impossible_options_are_refused() {
         assert!(error.to_string().contains("give"), "{error}");
     }
 }
+
+#[test]
+fn instant_radiosity_is_one_set_for_all_pixels() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let alone = IgiOptions { interleave: [1, 1], filter: false, ..IgiOptions::default() };
+    let expected = render(&mut engine, &request(2, alone));
+    let ancestor = FrameRequest { renderer: "instant-radiosity".into(), ..request(2, IgiOptions::default()) };
+    assert_eq!(render(&mut engine, &ancestor).color, expected.color);
+}
