@@ -4,7 +4,7 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH};
-use heliostat_shading::{Received, SamplePoints, Surfaces, Taking};
+use heliostat_shading::{Received, Surfaces, Taking};
 
 use super::Gathered;
 use super::photon_map::PhotonMap;
@@ -14,8 +14,6 @@ use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
-/// Which of a vertex's sample points find the light that bounds take away.
-const RESIDUAL_SLOT: u32 = 2;
 /// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
 const CLEAR_ALPHA: f32 = 1e-2;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
@@ -34,8 +32,8 @@ pub(super) struct Block {
     dull_albedo: Vectors,
     /// Largest GGX α on the way from the eye.
     alphas: [f32; WIDTH],
-    /// Sample points for the light that bounds take away.
-    pub(super) points: SamplePoints,
+    /// Sample point for the light that bounds take away, the same for all lanes.
+    pub(super) point: [f32; 4],
     pub(super) irradiance: [Vec3; WIDTH],
     gloss: [Vec3; WIDTH],
 }
@@ -261,7 +259,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         usize::from(self.groups[pixel as usize])
     }
 
-    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
         if !surfaces.may_have(DULL) {
             return;
         }
@@ -276,11 +274,9 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
-            ray.ask(RESIDUAL_SLOT, lane, &mut block.points);
         }
-        if self.compensate {
-            block.points.draw(view.scene.lane_mode(), block.count);
-        }
+        let group = usize::from(self.groups[arrived.rays[0].pixel as usize]);
+        block.point = self.vpls.points[group];
         (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
     }
 

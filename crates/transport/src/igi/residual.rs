@@ -11,7 +11,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::Vectors;
+use heliostat_shading::lanes::{Floats, Vectors};
 use heliostat_shading::{Cone, Lobes, Scattered, Selection, Surface};
 
 use super::gather::Block;
@@ -25,7 +25,7 @@ pub(super) struct Residual {
     samples: Scattered,
     origins: Vectors,
     rays: Vec<Ray>,
-    /// Block, lane and sample points of each ray.
+    /// Block, lane and number for the choice of a light of each ray.
     of: Vec<(u32, u32, f32)>,
     hits: Vec<Hit>,
     /// Running sum of weights, direction, distance and radiance over weight of each light at a surface.
@@ -120,8 +120,8 @@ impl Residual {
             if !block.surfaces.may_have(diffuse) {
                 continue;
             }
-            let [u_lobe, u, v, u_light] = &block.points.u;
-            block.surfaces.sample([u_lobe, u, v], diffuse, block.count, &mut self.samples);
+            let [u_lobe, u, v, u_light] = block.point.map(Floats::splat);
+            block.surfaces.sample([&u_lobe, &u, &v], diffuse, block.count, &mut self.samples);
             block.surfaces.spawn(&self.samples.wi, block.count, &mut self.origins);
             for lane in 0..block.count {
                 if self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {

@@ -16,6 +16,8 @@ use crate::region::View;
 const MAX_BOUNCES: u32 = 16;
 /// Bounces before paths may be ended by Russian roulette.
 const ROULETTE_FROM: u32 = 1;
+/// Keeps the numbers of short rays apart from those of light paths.
+const SHORT_RAYS: u32 = 0x7368_6f72;
 /// Surfaces that a light path may pass straight through.
 const MAX_PASSED: u32 = 64;
 
@@ -34,6 +36,9 @@ pub(crate) struct VplSets {
     pub(crate) sets: Vec<Vec<Vpl>>,
     /// Largest geometric term that a patch may have, 1/m².
     pub(crate) bound: f32,
+    /// A sample point of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
+    /// neighbours together have a well distributed handful, and what is left of the noise is smooth.
+    pub(crate) points: Vec<[f32; 4]>,
     /// Rays traced to make them.
     pub(crate) rays: u64,
 }
@@ -68,7 +73,11 @@ struct Walker {
 impl VplSets {
     /// Draws all paths, wave by wave.
     pub(crate) fn new<Q: RayQuery + ?Sized>(view: &View<'_, Q>, plan: &PathPlan) -> Self {
-        let mut result = Self { sets: vec![Vec::new(); plan.sets as usize], bound: f32::INFINITY, rays: 0 };
+        let block = plan.pass.wrapping_mul(plan.sets);
+        let point = |set| Sampler::along(block.wrapping_add(set), plan.seed ^ SHORT_RAYS).set(0);
+        let points = (0..plan.sets).map(point).collect();
+        let mut result =
+            Self { sets: vec![Vec::new(); plan.sets as usize], bound: f32::INFINITY, points, rays: 0 };
         let mut walkers = Vec::new();
         for set in 0..plan.sets {
             for path in 0..plan.paths {
