@@ -296,11 +296,12 @@ fn a_library_stays_as_long_as_a_shader_of_it() {
     let prepared = program.prepared(&inputs).expect("prepared").expect("plug-ins prepare");
     drop(program);
     let unit = Vectors { x: Floats::ZERO, y: Floats::ZERO, z: Floats::splat(1.0) };
-    let points = Points { ng: unit, normal: unit, ..Points::default() };
+    let inside = Vectors { x: Floats::splat(0.1), y: Floats::splat(0.1), z: Floats::splat(0.1) };
+    let points = Points { object_position: inside, ng: unit, normal: unit, ..Points::default() };
     let mut closures = Closures { normal: unit, coat_normal: unit, ..Closures::default() };
     prepared.run(LaneMode::Single, 3, &points, &inputs, &mut closures);
     assert_eq!(prepared.take_problem(), None);
-    // The cell around the origin is of the first colour; the width of the filter, of a cell's ten thousandth, costs digits.
+    // The cell at the origin is of the first colour; the width of the filter, of a cell's thousandth, costs digits.
     assert!((closures.base_color.get(0) - Vec3::ONE).abs().max_element() < 1e-3);
 }
 

@@ -147,3 +147,34 @@ fn a_file_alone_is_shown_in_a_room() {
         assert!(matches!(light.kind, LightKind::Profile { .. }));
     }
 }
+
+#[test]
+fn mutilated_files_give_a_scene_or_an_error() {
+    let seeds = [
+        file(1, &[0.0, 45.0, 90.0], &[0.0, 90.0], "1 2 3 4 5 6"),
+        file(2, &[-10.0, 0.0, 10.0], &[-20.0, 0.0, 20.0], "1 2 3 4 5 6 7 8 9"),
+        "A\nTILT=INCLUDE\n1\n2\n0 90\n1 .5\n1 1 1 2 1 1 1 0 0 0\n1 1 1\n0 180\n0\n1 2\n".into(),
+        "2\n-30 30 3\n0 0 2\n-5 5\n1 2 3 4 5 6\n".into(),
+    ];
+    let pieces = ["-1", "1e38", "nan", "0", "99999", "TILT=", "\n", " ", "1e-40", ",", "#", "360"];
+    let limits = Limits { memory_bytes: 1 << 20, ..Limits::default() };
+    let mut state = 7_u32;
+    let mut next = |below: usize| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % below
+    };
+    for round in 0..4000 {
+        let seed = round % seeds.len();
+        let mut text = seeds[seed].clone().into_bytes();
+        for _ in 0..=next(4) {
+            let at = next(text.len());
+            let end = (at + next(6)).min(text.len());
+            text.splice(at..end, pieces[next(pieces.len())].bytes());
+        }
+        let name = if seed == 3 { "a.dat" } else { "a.ies" };
+        if let Ok(loaded) = load_bytes(name, &text, &NoFiles, &limits) {
+            let scene = Scene::default().apply(&loaded.edits);
+            assert!(scene.is_ok(), "{}: {scene:?}", String::from_utf8_lossy(&text));
+        }
+    }
+}
