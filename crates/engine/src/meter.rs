@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use heliostat_kernel::{Aabb, Hit, Ray, RayQuery, Tile, World};
+use heliostat_kernel::{Aabb, Hit, Ray, RayQuery, SeeThrough, Tile, World};
 
 /// A world that counts the time its answers take, over all threads.
 pub(crate) struct Metered<'a> {
@@ -49,6 +49,30 @@ impl RayQuery for Metered<'_> {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         let start = Instant::now();
         self.world.occluded(rays, occluded);
+        self.count(start);
+    }
+
+    fn occluded_tile_through(
+        &self,
+        tile: &Tile,
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        let start = Instant::now();
+        self.world.occluded_tile_through(tile, through, occluded, filtered);
+        self.count(start);
+    }
+
+    fn occluded_through(
+        &self,
+        rays: &[Ray],
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        let start = Instant::now();
+        self.world.occluded_through(rays, through, occluded, filtered);
         self.count(start);
     }
 

@@ -9,6 +9,7 @@ use crate::{
     quadric::Quadric,
     query::RayQuery,
     ray::{Hit, PathId, Ray},
+    through::{Panes, SeeThrough},
     tile::Tile,
     world::World,
 };
@@ -89,6 +90,14 @@ impl Oracle {
 
     fn any(&self, ray: &Ray) -> bool {
         !self.all_hits(ray).is_empty()
+    }
+
+    /// Whether something stops a ray, and whether else something does not that it meets.
+    fn any_through(&self, ray: &Ray, through: &dyn SeeThrough) -> (bool, bool) {
+        let hits = self.all_hits(ray);
+        let lets_through = |hit: &Hit| Panes::of(Some(through), hit.path).has(hit.geometry);
+        let occluded = !hits.iter().all(lets_through);
+        (occluded, !occluded && !hits.is_empty())
     }
 }
 
@@ -306,6 +315,29 @@ impl RayQuery for Oracle {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         for (ray, out) in rays.iter().zip(occluded) {
             *out = self.any(ray);
+        }
+    }
+
+    fn occluded_tile_through(
+        &self,
+        tile: &Tile,
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        let rays: Vec<Ray> = (0..tile.len()).filter_map(|i| tile.ray(i)).collect();
+        self.occluded_through(&rays, through, occluded, filtered);
+    }
+
+    fn occluded_through(
+        &self,
+        rays: &[Ray],
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        for (ray, answer) in rays.iter().zip(occluded.iter_mut().zip(filtered)) {
+            (*answer.0, *answer.1) = self.any_through(ray, through);
         }
     }
 

@@ -2,6 +2,7 @@
 use crate::{
     aabb::Aabb,
     ray::{Hit, Ray},
+    through::SeeThrough,
     tile::Tile,
 };
 
@@ -21,6 +22,25 @@ pub trait RayQuery: Sync {
 
     /// Whether anything lies in the interval of each ray.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]);
+
+    /// As [`RayQuery::occluded_tile`], with some geometries no obstacle: `occluded` tells of the others alone, and `filtered`
+    /// of each ray that is not occluded whether it met any of `through`.
+    fn occluded_tile_through(
+        &self,
+        tile: &Tile,
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    );
+
+    /// As [`RayQuery::occluded`], with some geometries no obstacle, as in [`RayQuery::occluded_tile_through`].
+    fn occluded_through(
+        &self,
+        rays: &[Ray],
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    );
 
     /// The box around everything that can be hit, in world space; empty if there is nothing.
     fn bounds(&self) -> Aabb;

@@ -11,6 +11,7 @@ use crate::{
     object::Object,
     query::RayQuery,
     ray::{Hit, PathId, Ray},
+    through::{SeeThrough, Shadows},
     tile::Tile,
     traverse,
 };
@@ -182,7 +183,8 @@ impl RayQuery for World {
     }
 
     fn occluded_tile(&self, tile: &Tile, occluded: &mut [bool]) {
-        traverse::occluded_tile(self.level, &self.root, tile, occluded);
+        let shadows = Shadows { through: None, occluded, filtered: &mut [] };
+        traverse::occluded_tile(self.level, &self.root, tile, shadows);
     }
 
     fn intersect(&self, rays: &[Ray], hits: &mut [Hit]) {
@@ -190,7 +192,30 @@ impl RayQuery for World {
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
-        traverse::occluded(self.level, &self.root, rays, occluded);
+        let shadows = Shadows { through: None, occluded, filtered: &mut [] };
+        traverse::occluded(self.level, &self.root, rays, shadows);
+    }
+
+    fn occluded_tile_through(
+        &self,
+        tile: &Tile,
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        let shadows = Shadows::past(through, occluded, filtered);
+        traverse::occluded_tile(self.level, &self.root, tile, shadows);
+    }
+
+    fn occluded_through(
+        &self,
+        rays: &[Ray],
+        through: &dyn SeeThrough,
+        occluded: &mut [bool],
+        filtered: &mut [bool],
+    ) {
+        let shadows = Shadows::past(through, occluded, filtered);
+        traverse::occluded(self.level, &self.root, rays, shadows);
     }
 
     fn bounds(&self) -> Aabb {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use heliostat_kernel::{Hit, Ray};
+use heliostat_kernel::{Hit, PathId, Ray, SeeThrough};
 use heliostat_scene::{Light, SceneBounds};
 
 use crate::camera::Cone;
@@ -32,7 +32,8 @@ pub struct ShadingScene {
     /// Emissive parts of placements.
     emissive: Vec<(u32, u32)>,
     lights: Lights,
-    see_through: bool,
+    /// For each object the geometries that let light straight through, as [`SeeThrough`] tells them; empty if none does.
+    see_through: Vec<Box<[u64]>>,
     mode: LaneMode,
     bounds: Option<SceneBounds>,
 }
@@ -46,6 +47,15 @@ pub struct EmitterPdf {
     pub solid_angle: f32,
 }
 
+impl SeeThrough for ShadingScene {
+    fn geometries(&self, path: PathId) -> &[u64] {
+        let placement = self.placements.get(path.0 as usize);
+        placement
+            .and_then(|placement| self.see_through.get(placement.parts as usize))
+            .map_or(&[], |bits| bits)
+    }
+}
+
 impl ShadingScene {
     /// Ties tables together; the lights are still missing.
     pub fn new(
@@ -54,7 +64,7 @@ impl ShadingScene {
         placements: Arc<[Placement]>,
     ) -> Self {
         let mut scene = Self { materials, parts, placements, ..Self::default() };
-        scene.see_through = scene.parts.iter().any(|parts| scene.lets_through(parts));
+        scene.look_for_see_through();
         scene.emissive = scene.tables().emissive();
         scene
     }
@@ -99,7 +109,7 @@ impl ShadingScene {
             shone |= self.materials[index].source().is_emissive() != material.source().is_emissive();
             self.materials[index] = material;
         }
-        self.see_through = self.parts.iter().any(|parts| self.lets_through(parts));
+        self.look_for_see_through();
         if shone {
             self.emissive = self.tables().emissive();
         }
@@ -111,8 +121,19 @@ impl ShadingScene {
         parts.iter().any(|part| self.materials[part.material as usize].source().is_emissive())
     }
 
-    fn lets_through(&self, parts: &[ShadedPart]) -> bool {
-        parts.iter().any(|part| self.materials[part.material as usize].is_see_through())
+    fn look_for_see_through(&mut self) {
+        let of_object = |parts: &Arc<[ShadedPart]>| -> Box<[u64]> {
+            let lets_through = |part: &ShadedPart| self.materials[part.material as usize].is_see_through();
+            let words = parts.iter().rposition(lets_through).map_or(0, |last| last / 64 + 1);
+            let word = |parts: &[ShadedPart]| {
+                (0..).zip(parts).fold(0, |bits, (at, part)| bits | u64::from(lets_through(part)) << at)
+            };
+            parts.chunks(64).take(words).map(word).collect()
+        };
+        self.see_through = self.parts.iter().map(of_object).collect();
+        if self.see_through.iter().all(|geometries| geometries.is_empty()) {
+            self.see_through.clear();
+        }
     }
 
     fn tables(&self) -> Tables<'_> {
@@ -146,7 +167,7 @@ impl ShadingScene {
 
     /// Whether any surface lets light pass straight through, so that shadows are not simply hits.
     pub fn has_see_through(&self) -> bool {
-        self.see_through
+        !self.see_through.is_empty()
     }
 
     /// The part that was hit, with its placement and material. `hit` must be a hit.

@@ -22,6 +22,8 @@ pub(crate) struct ShadowBatch {
     rays: Vec<Ray>,
     lights: Vec<PendingLight>,
     occluded: Vec<bool>,
+    /// Not occluded, but by what lets some light pass.
+    filtered: Vec<bool>,
     hits: Vec<Hit>,
     traced: u64,
 }
@@ -52,15 +54,18 @@ impl ShadowBatch {
     ) {
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
-        query.occluded(&self.rays, &mut self.occluded);
         self.traced += self.rays.len() as u64;
         if scene.has_see_through() {
+            self.filtered.clear();
+            self.filtered.resize(self.rays.len(), false);
+            query.occluded_through(&self.rays, scene, &mut self.occluded, &mut self.filtered);
             self.attenuate(query, scene);
         } else {
-            for (light, &occluded) in self.lights.iter_mut().zip(&self.occluded) {
-                if occluded {
-                    light.radiance = Vec3::ZERO;
-                }
+            query.occluded(&self.rays, &mut self.occluded);
+        }
+        for (light, &occluded) in self.lights.iter_mut().zip(&self.occluded) {
+            if occluded {
+                light.radiance = Vec3::ZERO;
             }
         }
         self.lights.iter().copied().filter(|light| light.radiance != Vec3::ZERO).for_each(deliver);
@@ -68,11 +73,14 @@ impl ShadowBatch {
         self.lights.clear();
     }
 
-    /// Follows the rays that meet something from surface to surface until they arrive or are blocked.
+    /// Follows the rays that only meet what lets light pass from surface to surface until they arrive or are blocked.
     fn attenuate<Q: RayQuery + ?Sized>(&mut self, query: &Q, scene: &ShadingScene) {
-        let mut active: Vec<usize> = (0..self.rays.len()).filter(|&i| self.occluded[i]).collect();
+        let mut active: Vec<usize> = (0..self.rays.len()).filter(|&i| self.filtered[i]).collect();
         let mut rays: Vec<Ray> = active.iter().map(|&i| self.rays[i]).collect();
         for round in 0.. {
+            if active.is_empty() {
+                return;
+            }
             self.hits.clear();
             self.hits.resize(rays.len(), Hit::MISS);
             query.intersect(&rays, &mut self.hits);
@@ -95,9 +103,6 @@ impl ShadowBatch {
                     next.push(index);
                     next_rays.push(Ray { origin, t_max, ..*ray });
                 }
-            }
-            if next.is_empty() {
-                return;
             }
             (active, rays) = (next, next_rays);
         }

@@ -23,6 +23,7 @@ use crate::{
     build::{boxes::PackedBox, triangles, watch::Watch},
     error::BuildError,
     mesh::Mesh,
+    through::Panes,
     triangle_bvh::TriangleBvh,
 };
 
@@ -248,6 +249,12 @@ impl KdTree {
     pub(crate) fn locate(&self, number: u32) -> (u32, u32) {
         let (mesh, triangle) = triangles::locate(&self.mesh_starts, number);
         (mesh as u32, triangle as u32)
+    }
+
+    /// Whether the triangle `index` of [`KdTree::corners`] is one of `panes`.
+    #[inline(always)]
+    fn lets_through(&self, index: u32, panes: Panes<'_>) -> bool {
+        !panes.is_empty() && self.identify(index).is_some_and(|(geometry, _)| panes.has(geometry))
     }
 
     /// Every triangle that can be hit: corners and running number.

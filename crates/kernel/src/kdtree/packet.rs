@@ -11,6 +11,7 @@ use super::{
     KdTree,
     ray::{PLANE_SLACK, SMALLEST_COMPONENT},
 };
+use crate::through::Panes;
 
 /// Rays of a packet.
 pub(crate) const LANES: usize = 16;
@@ -44,6 +45,8 @@ pub(crate) struct Packet<S: Simd> {
     pub limit: f32x16<S>,
     /// Indices of the triangles hit, or [`Packet::NONE`].
     pub index: u32x16<S>,
+    /// Bits of the rays that met what lets light through, in queries of any hit.
+    pub met: u16,
 }
 
 impl<S: Simd> Packet<S> {
@@ -78,7 +81,8 @@ impl<S: Simd> Packet<S> {
         let scale = one / direction[z % 3];
         let shear = [-direction[x % 3] * scale, -direction[y % 3] * scale, scale];
         let [t_min, limit] = interval;
-        Self { origin, inverse, pad, axes, shear, t_min, limit, index: u32x16::splat(simd, Self::NONE) }
+        let index = u32x16::splat(simd, Self::NONE);
+        Self { origin, inverse, pad, axes, shear, t_min, limit, index, met: 0 }
     }
 
     /// For each axis the lanes whose direction is negative.
@@ -93,7 +97,7 @@ impl<S: Simd> Packet<S> {
         ]
     }
 
-    /// Finds the closest triangle for each ray of `lanes`; `ANY`: some triangle. The directions of all
+    /// Finds the closest triangle for each ray of `lanes`; `ANY`: some triangle that is none of `panes`. The directions of all
     /// these rays are negative along the axes whose bit in `negative` is set, and along no other. `waiting` is empty before and after.
     #[inline(always)]
     pub(crate) fn trace<const ANY: bool>(
@@ -101,6 +105,7 @@ impl<S: Simd> Packet<S> {
         tree: &KdTree,
         lanes: u16,
         negative: u32,
+        panes: Panes<'_>,
         waiting: &mut Vec<Waiting>,
     ) {
         let simd = self.t_min.token();
@@ -138,7 +143,7 @@ impl<S: Simd> Packet<S> {
                 continue;
             }
             for &index in &tree.references[node.range()] {
-                self.test::<ANY>(tree, index);
+                self.test::<ANY>(tree, index, panes);
             }
             loop {
                 let Some(next) = waiting.pop() else {
@@ -171,7 +176,7 @@ impl<S: Simd> Packet<S> {
 
     /// All rays against one triangle: the test of `traverse/shear.rs` with rays in the lanes.
     #[inline(always)]
-    fn test<const ANY: bool>(&mut self, tree: &KdTree, index: u32) {
+    fn test<const ANY: bool>(&mut self, tree: &KdTree, index: u32, panes: Panes<'_>) {
         let simd = self.t_min.token();
         let corners = &tree.corners[index as usize];
         let [ax, ay, az] = self.sheared(&corners[0]);
@@ -195,6 +200,10 @@ impl<S: Simd> Packet<S> {
                 let kept = keeping(tree, &self.index.into(), tied, index);
                 hit &= !mask32x16::from_bitmask(simd, u64::from(kept));
             }
+        }
+        if ANY && tree.lets_through(index, panes) {
+            self.met |= hit.to_bitmask() as u16;
+            return;
         }
         // A ray that wants nothing more ends before it begins.
         let limit = if ANY { f32x16::splat(simd, -1.0) } else { t };

@@ -2,6 +2,7 @@
 use glam::Vec3A;
 
 use super::{KdTree, ray::KdRay};
+use crate::through::Panes;
 
 /// A power of two above the depth of any tree.
 const STACK: usize = 64;
@@ -16,19 +17,42 @@ struct Waiting {
 }
 
 /// The index, in the tree's store, of the closest triangle with `t_min < t <= limit`, of several the one with the least
-/// number; `ANY`: the first one found instead. The ray must be finite, with a direction whose largest component is
-/// within 1e-12..=1e12, and `t_min` not negative.
-///
-/// # References
-/// Wald 2004, "Realtime ray tracing and interactive global illumination", section 7.2.1. Deviation: planes are a few
-/// rounding errors thick, and rays pass on both sides of them inside that thickness.
+/// number. The ray must be finite, with a direction whose largest component is within 1e-12..=1e12, and `t_min` not
+/// negative.
 #[inline(always)]
-pub(crate) fn trace<const ANY: bool>(
+pub(crate) fn closest(tree: &KdTree, origin: Vec3A, direction: Vec3A, t_min: f32, limit: f32) -> Option<u32> {
+    trace::<false>(tree, origin, direction, t_min, limit, Panes::NONE, &mut false)
+}
+
+/// Whether some triangle with `t_min < t <= limit` stops the ray; `met`: one in `panes` did not. The rest as in
+/// [`closest`].
+#[inline(always)]
+pub(crate) fn any(
     tree: &KdTree,
     origin: Vec3A,
     direction: Vec3A,
     t_min: f32,
     limit: f32,
+    panes: Panes<'_>,
+    met: &mut bool,
+) -> bool {
+    trace::<true>(tree, origin, direction, t_min, limit, panes, met).is_some()
+}
+
+/// [`closest`], or with `ANY` the first one found that stops the ray.
+///
+/// # References
+/// Wald 2004, "Realtime ray tracing and interactive global illumination", section 7.2.1. Deviation: planes are a few
+/// rounding errors thick, and rays pass on both sides of them inside that thickness.
+#[inline(always)]
+fn trace<const ANY: bool>(
+    tree: &KdTree,
+    origin: Vec3A,
+    direction: Vec3A,
+    t_min: f32,
+    limit: f32,
+    panes: Panes<'_>,
+    met: &mut bool,
 ) -> Option<u32> {
     if tree.nodes.is_empty() {
         return None;
@@ -66,6 +90,10 @@ pub(crate) fn trace<const ANY: bool>(
         }
         for &index in &tree.references[node.range()] {
             if let Some(t) = ray.test(&tree.corners[index as usize], limit) {
+                if ANY && tree.lets_through(index, panes) {
+                    *met = true;
+                    continue;
+                }
                 if t == limit && !yields(tree, best, index) {
                     continue;
                 }

@@ -12,6 +12,7 @@ use super::{
 use crate::{
     object::Object,
     ray::{Hit, PathId, Ray},
+    through::{Panes, Screen, Shadows, Sight},
     triangle_bvh::TriangleBvh,
     triangles::Triangles,
 };
@@ -36,11 +37,12 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         hits.fill(Hit::MISS);
         let sorted = Octants::sort(rays, hits.len());
         if let Some(bvh) = flat(root) {
+            let screen = Screen { bvh, panes: Panes::NONE };
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
                 let lanes = packet.lanes();
                 let found =
-                    packet.trace::<S, false>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
+                    packet.trace::<S, false>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
                 let words = packet.hits(simd, bvh, found, &mut mesh);
                 for (lane, &index) in indices.iter().enumerate() {
                     if packet.id[lane] != Packet::NONE {
@@ -51,7 +53,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
             continue;
         }
         for indices in sorted.packets() {
-            let mut answers = Answers { hits, index: [0; LANES] };
+            let mut answers = Answers { hits, index: [0; LANES], through: None };
             answers.index[..indices.len()].copy_from_slice(indices);
             load(&mut packet, rays, indices);
             let lanes = packet.lanes();
@@ -69,26 +71,32 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
 }
 
 #[inline(always)]
-pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: &mut [bool]) {
+pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadows: Shadows<'_>) {
+    let rays = &rays[..rays.len().min(shadows.occluded.len())];
     if !in_packets(simd, root, rays.len()) {
         let mut stack = Stack::new();
-        for (ray, out) in rays.iter().zip(occluded) {
-            *out = any(simd, root, ray, &mut stack);
+        for (index, ray) in rays.iter().enumerate() {
+            let mut sight = Sight { through: shadows.through, met: false };
+            let found = any(simd, root, ray, &mut sight, &mut stack);
+            shadows.set(index, found, sight.met);
         }
         return;
     }
     let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
-    let mut answers = Answers { hits: &mut [], index: [0; LANES] };
-    for (rays, occluded) in rays.chunks(BATCH).zip(occluded.chunks_mut(BATCH)) {
-        occluded.fill(false);
-        let sorted = Octants::sort(rays, occluded.len());
+    let mut answers = Answers { hits: &mut [], index: [0; LANES], through: shadows.through };
+    for (chunk, rays) in rays.chunks(BATCH).enumerate() {
+        let first = chunk * BATCH;
+        shadows.clear(first, rays.len());
+        let sorted = Octants::sort(rays, rays.len());
         if let Some(bvh) = flat(root) {
+            let screen = Screen { bvh, panes: Panes::of(shadows.through, PathId::ROOT) };
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
                 let lanes = packet.lanes();
-                packet.trace::<S, true>(simd, bvh, lanes, &mut scratch.visits, &mut scratch.stack);
-                for (&index, &id) in indices.iter().zip(&packet.id) {
-                    occluded[usize::from(index)] = id != Packet::NONE;
+                packet.trace::<S, true>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
+                for (lane, &index) in indices.iter().enumerate() {
+                    let found = packet.id[lane] != Packet::NONE;
+                    shadows.set(first + usize::from(index), found, packet.met >> lane & 1 != 0);
                 }
             }
             continue;
@@ -106,7 +114,8 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], occluded: 
                 &mut scratch,
             );
             for (lane, &index) in indices.iter().enumerate() {
-                occluded[usize::from(index)] = found >> lane & 1 == 1;
+                let (found, met) = (found >> lane & 1 != 0, packet.met >> lane & 1 != 0);
+                shadows.set(first + usize::from(index), found, met);
             }
         }
     }
@@ -184,7 +193,7 @@ impl Octants {
 }
 
 #[inline(always)]
-pub(super) fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> Hit {
+fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> Hit {
     let mut hit = Hit::MISS;
     if let Some(local) = LocalRay::new(ray) {
         instances::closest(simd, root, &local, PathId::ROOT, &mut hit, stack);
@@ -193,9 +202,9 @@ pub(super) fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut St
 }
 
 #[inline(always)]
-pub(super) fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> bool {
+fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, sight: &mut Sight<'_>, stack: &mut Stack) -> bool {
     match LocalRay::new(ray) {
-        Some(local) => instances::any(simd, root, &local, stack),
+        Some(local) => instances::any(simd, root, &local, PathId::ROOT, sight, stack),
         None => false,
     }
 }
@@ -218,9 +227,16 @@ pub(super) fn closest_local<S: Simd>(
 
 /// As [`closest_local`], for any hit.
 #[inline(never)]
-pub(super) fn any_local<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
+pub(super) fn any_local<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    sight: &mut Sight<'_>,
+    stack: &mut Stack,
+) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || instances::any(simd, object, ray, stack),
+        || instances::any(simd, object, ray, path, sight, stack),
     )
 }

@@ -13,7 +13,7 @@ use crate::{
     layout::Child,
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
-    triangle_bvh::TriangleBvh,
+    through::{Panes, Screen, SeeThrough, Sight},
     triangles::Triangles,
 };
 
@@ -26,6 +26,8 @@ pub(super) struct Answers<'a> {
     pub hits: &'a mut [Hit],
     /// The place of each lane.
     pub index: [u8; LANES],
+    /// What is no obstacle to queries of any hit.
+    pub through: Option<&'a dyn SeeThrough>,
 }
 
 impl Answers<'_> {
@@ -57,7 +59,8 @@ pub(super) fn takes_packets(object: &Object) -> bool {
 }
 
 /// The lanes in `bits` through an object: returns those that met something that precedes their answer so far and is
-/// now their answer (its normal in the object's space); with `ANY`, something at all, and their limit is then negative.
+/// now their answer (its normal in the object's space); with `ANY`, something that stops them, and their limit is then
+/// negative.
 ///
 /// A call of its own, so that nesting recurses; it takes the instruction set along.
 #[inline(never)]
@@ -91,7 +94,8 @@ fn in_object<S: Simd, const ANY: bool>(
     }
     let mut found = 0;
     if let Some(Triangles::Bvh(bvh)) = &object.triangles {
-        found = triangles::<S, ANY>(simd, bvh, path, packet, bits, answers, scratch);
+        let panes = if ANY { Panes::of(answers.through, path) } else { Panes::NONE };
+        found = triangles::<S, ANY>(simd, Screen { bvh, panes }, path, packet, bits, answers, scratch);
     }
     if !object.instance_tree.wide.nodes.is_empty() {
         packet.prepare_boxes(simd, object.instance_tree.wide.extent);
@@ -109,16 +113,16 @@ fn in_object<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn triangles<S: Simd, const ANY: bool>(
     simd: S,
-    bvh: &TriangleBvh,
+    screen: Screen<'_>,
     path: PathId,
     packet: &mut Packet,
     bits: u16,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) -> u16 {
-    let mut found = packet.trace::<S, ANY>(simd, bvh, bits, &mut scratch.visits, &mut scratch.stack);
+    let mut found = packet.trace::<S, ANY>(simd, screen, bits, &mut scratch.visits, &mut scratch.stack);
     if !ANY && found != 0 {
-        let words = packet.hits(simd, bvh, found, &mut MeshOf::default());
+        let words = packet.hits(simd, screen.bvh, found, &mut MeshOf::default());
         for lane in lanes(found) {
             let (hit, answer) = (words.hit(lane, path), answers.of(lane));
             if hit.precedes(answer) {
@@ -185,6 +189,7 @@ fn enter<S: Simd, const ANY: bool>(
     let path = PathId(path.0 + placed.path_offset);
     let found = through::<S, ANY>(simd, &placed.instance.object, path, &mut below, bits, answers, scratch);
     packet.limit = below.limit;
+    packet.met |= below.met;
     scratch.spare.push(below);
     if !ANY {
         for lane in lanes(found) {
@@ -213,10 +218,12 @@ fn alone<S: Simd, const ANY: bool>(
     for lane in lanes(bits) {
         let (ray, slab) = (packet.ray(lane), packet.slab_of(simd, lane, octant.near));
         if ANY {
-            if instances::any_instance_below(simd, object, &ray, &slab, start, stack) {
+            let mut sight = Sight { through: answers.through, met: false };
+            if instances::any_instance_below(simd, object, &ray, &slab, start, path, &mut sight, stack) {
                 packet.limit[lane] = -1.0;
                 found |= 1 << lane;
             }
+            packet.met |= u16::from(sight.met) << lane;
             continue;
         }
         let hit = answers.of(lane);
@@ -243,10 +250,12 @@ fn one_by_one<S: Simd, const ANY: bool>(
     for lane in lanes(bits) {
         let ray = packet.ray(lane);
         if ANY {
-            if batch::any_local(simd, object, &ray, stack) {
+            let mut sight = Sight { through: answers.through, met: false };
+            if batch::any_local(simd, object, &ray, path, &mut sight, stack) {
                 packet.limit[lane] = -1.0;
                 found |= 1 << lane;
             }
+            packet.met |= u16::from(sight.met) << lane;
             continue;
         }
         let hit = answers.of(lane);

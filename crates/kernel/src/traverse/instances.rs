@@ -9,6 +9,7 @@ use crate::{
     layout::{Child, WIDTH},
     object::{Object, PlacedInstance},
     ray::{Hit, PathId},
+    through::{Panes, Screen, Sight},
     triangle_bvh::TriangleBvh,
     triangles::Triangles,
 };
@@ -59,7 +60,7 @@ fn closest_triangle<S: Simd>(
             (corners, bvh.locate(triangle))
         }
         Triangles::KdTree(tree) => {
-            let best = kdtree::single::trace::<false>(tree, ray.origin, ray.direction, ray.t_min, limit)?;
+            let best = kdtree::single::closest(tree, ray.origin, ray.direction, ray.t_min, limit)?;
             (tree.corners()[best as usize], tree.identify(best)?)
         }
     };
@@ -101,18 +102,19 @@ fn nearest_moving<S: Simd>(
     )
 }
 
-/// As [`nearest_moving`], for any hit.
+/// As [`nearest_moving`], for any hit in moving triangles, and past those that let light through.
 #[inline(never)]
-fn any_moving<S: Simd>(
+fn any_apart<S: Simd>(
     simd: S,
-    bvh: &TriangleBvh,
-    blocks: MovingBlocks<'_>,
+    screen: Screen<'_>,
+    blocks: impl BlockSource,
     ray: &LocalRay,
+    met: &mut bool,
     stack: &mut Stack,
 ) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || single::any(simd, bvh, blocks, ray, stack),
+        || single::any::<S, true>(simd, screen, blocks, ray, met, stack),
     )
 }
 
@@ -212,37 +214,57 @@ pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
     if largest > 0.0 { (n / largest).normalize_or_zero().into() } else { Vec3::ZERO }
 }
 
-/// Whether anything in `object` lies in the ray's interval.
+/// Whether anything in `object` that stops light lies in the ray's interval.
 #[inline(always)]
-pub(super) fn any<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
-    let met = match &object.triangles {
+pub(super) fn any<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    sight: &mut Sight<'_>,
+    stack: &mut Stack,
+) -> bool {
+    let panes = Panes::of(sight.through, path);
+    let met = &mut sight.met;
+    let stopped = match &object.triangles {
         None => false,
         Some(Triangles::Bvh(bvh)) => match bvh.moving_blocks(ray.time) {
-            None => single::any(simd, bvh, bvh.blocks(), ray, stack),
-            Some(blocks) => any_moving(simd, bvh, blocks, ray, stack),
+            None if panes.is_empty() => {
+                single::any::<S, false>(simd, Screen { bvh, panes }, bvh.blocks(), ray, met, stack)
+            }
+            None => any_apart(simd, Screen { bvh, panes }, bvh.blocks(), ray, met, stack),
+            Some(blocks) => any_apart(simd, Screen { bvh, panes }, blocks, ray, met, stack),
         },
         Some(Triangles::KdTree(tree)) => {
-            kdtree::single::trace::<true>(tree, ray.origin, ray.direction, ray.t_min, ray.end).is_some()
+            kdtree::single::any(tree, ray.origin, ray.direction, ray.t_min, ray.end, panes, met)
         }
     };
-    if met {
+    if stopped {
         return true;
     }
     if let Some(shapes) = &object.quadrics
-        && quadrics::any(simd, shapes, ray, stack)
+        && quadrics::any(simd, shapes, ray, panes, met, stack)
     {
         return true;
     }
-    !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, stack)
+    !object.instance_tree.wide.nodes.is_empty() && any_instance(simd, object, ray, path, sight, stack)
 }
 
 #[inline(always)]
-fn any_instance<S: Simd>(simd: S, object: &Object, ray: &LocalRay, stack: &mut Stack) -> bool {
+fn any_instance<S: Simd>(
+    simd: S,
+    object: &Object,
+    ray: &LocalRay,
+    path: PathId,
+    sight: &mut Sight<'_>,
+    stack: &mut Stack,
+) -> bool {
     let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
-    any_instance_below(simd, object, ray, &slab, Child::inner(0), stack)
+    any_instance_below(simd, object, ray, &slab, Child::inner(0), path, sight, stack)
 }
 
 /// As [`any`], for the instances of the subtree `start`.
+#[expect(clippy::too_many_arguments, reason = "a ray set up for boxes, where it begins, and what it meets")]
 #[inline(always)]
 pub(super) fn any_instance_below<S: Simd>(
     simd: S,
@@ -250,6 +272,8 @@ pub(super) fn any_instance_below<S: Simd>(
     ray: &LocalRay,
     slab: &Slab<S>,
     start: Child,
+    path: PathId,
+    sight: &mut Sight<'_>,
     stack: &mut Stack,
 ) -> bool {
     let nodes = &object.instance_tree.wide.nodes[..];
@@ -259,7 +283,7 @@ pub(super) fn any_instance_below<S: Simd>(
     loop {
         if current.is_leaf() {
             let placed = &object.instances[current.payload() as usize];
-            if enter_any(simd, placed, ray, stack) {
+            if enter_any(simd, placed, ray, path, sight, stack) {
                 stack.cut(mark);
                 return true;
             }
@@ -283,16 +307,24 @@ pub(super) fn any_instance_below<S: Simd>(
 }
 
 #[inline(never)]
-fn enter_any<S: Simd>(simd: S, placed: &PlacedInstance, ray: &LocalRay, stack: &mut Stack) -> bool {
+fn enter_any<S: Simd>(
+    simd: S,
+    placed: &PlacedInstance,
+    ray: &LocalRay,
+    path: PathId,
+    sight: &mut Sight<'_>,
+    stack: &mut Stack,
+) -> bool {
     let local = if placed.instance.motion.is_none() {
         ray.transformed(&placed.object_from_parent)
     } else {
         placed.at(ray.time).and_then(|(object_from_parent, _)| ray.transformed(&object_from_parent))
     };
     let Some(local) = local else { return false };
+    let path = PathId(path.0 + placed.path_offset);
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || any(simd, object, &local, stack),
+        || any(simd, object, &local, path, sight, stack),
     )
 }

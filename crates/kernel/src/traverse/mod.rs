@@ -18,6 +18,7 @@ use fearless_simd::{Level, Simd, dispatch};
 use crate::{
     object::Object,
     ray::{Hit, Ray},
+    through::Shadows,
     tile::Tile,
 };
 
@@ -68,8 +69,8 @@ pub(crate) fn intersect(level: Level, root: &Object, rays: &[Ray], hits: &mut [H
     dispatch!(level, simd => batch::intersect(simd, root, rays, hits));
 }
 
-pub(crate) fn occluded(level: Level, root: &Object, rays: &[Ray], occluded: &mut [bool]) {
-    dispatch!(level, simd => batch::occluded(simd, root, rays, occluded));
+pub(crate) fn occluded(level: Level, root: &Object, rays: &[Ray], shadows: Shadows<'_>) {
+    dispatch!(level, simd => batch::occluded(simd, root, rays, shadows));
 }
 
 pub(crate) fn intersect_tile(level: Level, root: &Object, tile: &Tile, hits: &mut [Hit]) {
@@ -82,11 +83,11 @@ pub(crate) fn intersect_tile(level: Level, root: &Object, tile: &Tile, hits: &mu
     }
 }
 
-pub(crate) fn occluded_tile(level: Level, root: &Object, tile: &Tile, occluded: &mut [bool]) {
+pub(crate) fn occluded_tile(level: Level, root: &Object, tile: &Tile, mut shadows: Shadows<'_>) {
     if !root.has_motion() {
-        dispatch_wide!(level, simd => tile::occluded(simd, root, tile, occluded));
+        dispatch_wide!(level, simd => tile::occluded(simd, root, tile, shadows));
     }
-    for (i, out) in occluded.iter_mut().enumerate().take(tile.len()) {
-        self::occluded(level, root, tile.ray(i).as_slice(), std::slice::from_mut(out));
+    for i in 0..tile.len().min(shadows.occluded.len()) {
+        occluded(level, root, tile.ray(i).as_slice(), shadows.one(i));
     }
 }

@@ -19,6 +19,7 @@ use super::{
 };
 use crate::{
     layout::{Block, Child, Node, WIDTH},
+    through::Screen,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
@@ -53,6 +54,8 @@ pub(super) struct Packet {
     shear: [Lanes; 3],
     /// Bits of the lanes whose largest component is x, and of those with y.
     turned: [u16; 2],
+    /// Bits of the lanes that met what lets light through, in queries of any hit.
+    pub met: u16,
     len: usize,
 }
 
@@ -88,12 +91,14 @@ impl Packet {
         sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
         turned: [0; 2],
+        met: 0,
         len: 0,
     };
 
     pub(super) fn clear(&mut self) {
         self.len = 0;
         self.limit = [-1.0; LANES];
+        self.met = 0;
     }
 
     /// Bits of the lanes that hold rays.
@@ -146,48 +151,81 @@ impl Packet {
             self.direction[axis] = direction.into();
         }
         (self.t_min, self.end, self.limit) = (from.t_min, from.end, from.limit);
+        self.met = 0;
         let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
         (usable & largest.simd_ge(shortest)).to_bitmask() as u16
     }
 
-    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit; the answers are in `id` and `limit`. Returns
+    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit that stops it; the answers are in `id` and `limit`. Returns
     /// the lanes that have one.
     #[inline(always)]
     pub(super) fn trace<S: Simd, const ANY: bool>(
         &mut self,
         simd: S,
-        bvh: &TriangleBvh,
+        screen: Screen<'_>,
         bits: u16,
         visits: &mut Vec<Visit>,
         stack: &mut Stack,
     ) -> u16 {
-        if bvh.tree.is_empty() {
+        if ANY && !screen.panes.is_empty() {
+            return self.trace_past(simd, screen, bits, visits, stack);
+        }
+        self.trace_all::<S, ANY, false>(simd, screen, bits, visits, stack)
+    }
+
+    /// For any hit past what lets light through. A call, so that the code around it stays as where there is nothing of it.
+    #[inline(never)]
+    fn trace_past<S: Simd>(
+        &mut self,
+        simd: S,
+        screen: Screen<'_>,
+        bits: u16,
+        visits: &mut Vec<Visit>,
+        stack: &mut Stack,
+    ) -> u16 {
+        simd.vectorize(
+            #[inline(always)]
+            || self.trace_all::<S, true, true>(simd, screen, bits, visits, stack),
+        )
+    }
+
+    #[inline(always)]
+    fn trace_all<S: Simd, const ANY: bool, const PAST: bool>(
+        &mut self,
+        simd: S,
+        screen: Screen<'_>,
+        bits: u16,
+        visits: &mut Vec<Visit>,
+        stack: &mut Stack,
+    ) -> u16 {
+        let tree = &screen.bvh.tree;
+        if tree.is_empty() {
             return 0;
         }
         self.id = [Self::NONE; LANES];
-        self.prepare_boxes(simd, bvh.tree.extent);
+        self.prepare_boxes(simd, tree.extent);
         self.prepare_triangles(simd);
         let mut rest = bits;
         while rest != 0 {
             let (octant, alike) = self.octant(rest);
             rest &= !alike;
-            self.trace_octant::<S, ANY>(simd, bvh, octant, alike, visits, stack);
+            self.trace_octant::<S, ANY, PAST>(simd, screen, octant, alike, visits, stack);
         }
         let none = u32x16::splat(simd, Self::NONE);
         !(u32x16::load_array_ref(simd, &self.id).simd_eq(none).to_bitmask() as u16)
     }
 
     #[inline(always)]
-    fn trace_octant<S: Simd, const ANY: bool>(
+    fn trace_octant<S: Simd, const ANY: bool, const PAST: bool>(
         &mut self,
         simd: S,
-        bvh: &TriangleBvh,
+        screen: Screen<'_>,
         octant: Octant,
         bits: u16,
         visits: &mut Vec<Visit>,
         stack: &mut Stack,
     ) {
-        let nodes = bvh.tree.view();
+        let nodes = screen.bvh.tree.view();
         let many = self.many(bits);
         let mark = visits.len();
         visits.push(self.root(simd, bits));
@@ -201,17 +239,17 @@ impl Packet {
             if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
-                    self.together::<S, ANY>(simd, bvh, block, bits);
+                    self.together::<S, ANY, PAST>(simd, screen, block, bits);
                 }
                 continue;
             }
             if bits.count_ones() <= FEW || visit.child.is_leaf() {
-                self.alone::<S, ANY>(simd, bvh, visit.child, bits, octant.near, stack);
+                self.alone::<S, ANY, PAST>(simd, screen, visit.child, bits, octant.near, stack);
                 continue;
             }
             let mut place = None;
             let node = nodes.get(simd, visit.child.0 as usize, &mut place);
-            self.open(simd, node, &bvh.blocks(), octant, wanting, visits);
+            self.open(simd, node, &screen.bvh.blocks(), octant, wanting, visits);
         }
     }
 
@@ -316,10 +354,20 @@ impl Packet {
     /// The lanes in `bits` against a block's triangles one by one: [`Shear::test`] with the roles of rays and
     /// triangles exchanged, operation by operation, so that a mesh stays watertight.
     #[inline(always)]
-    fn together<S: Simd, const ANY: bool>(&mut self, simd: S, bvh: &TriangleBvh, block: usize, bits: u16) {
+    fn together<S: Simd, const ANY: bool, const PAST: bool>(
+        &mut self,
+        simd: S,
+        screen: Screen<'_>,
+        block: usize,
+        bits: u16,
+    ) {
+        let mut place = None;
+        let triangles = screen.bvh.blocks().get(block, &mut place);
+        let passed = if PAST { screen.passed_of(&triangles.triangle) } else { 0 };
         let mut first = 0;
         loop {
-            first = self.together_from::<S, ANY>(simd, bvh, block, bits, first);
+            first =
+                self.together_from::<S, ANY, PAST>(simd, screen.bvh, triangles, block, bits, first, passed);
             if ANY || first == WIDTH {
                 return;
             }
@@ -327,18 +375,19 @@ impl Packet {
     }
 
     /// From triangle `first` on, up to where it returns: it stops behind a tie, as a call inside the loop would cost it
-    /// its registers.
+    /// its registers. The triangles in `passed` let light through.
+    #[expect(clippy::too_many_arguments, reason = "rays, a block of triangles, and which of them")]
     #[inline(always)]
-    fn together_from<S: Simd, const ANY: bool>(
+    fn together_from<S: Simd, const ANY: bool, const PAST: bool>(
         &mut self,
         simd: S,
         bvh: &TriangleBvh,
+        triangles: &Block,
         block: usize,
         bits: u16,
         first: usize,
+        passed: u32,
     ) -> usize {
-        let mut place = None;
-        let triangles = bvh.blocks().get(block, &mut place);
         let turned = [
             mask32x16::from_bitmask(simd, u64::from(self.turned[0])),
             mask32x16::from_bitmask(simd, u64::from(self.turned[1])),
@@ -355,6 +404,9 @@ impl Packet {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
                 break;
             }
+            if PAST && passed >> lane & 1 != 0 && bits & !self.met == 0 {
+                continue;
+            }
             let (ax, ay, az) = sheared(simd, triangles, 0, lane, turned, origin, shear);
             let (bx, by, bz) = sheared(simd, triangles, 1, lane, turned, origin, shear);
             let (cx, cy, cz) = sheared(simd, triangles, 2, lane, turned, origin, shear);
@@ -370,6 +422,10 @@ impl Packet {
             let t = depth / (u + v + w);
             let inside = inside & t.simd_gt(t_min);
             let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
+            if PAST && passed >> lane & 1 != 0 {
+                self.met |= hit.to_bitmask() as u16;
+                continue;
+            }
             if !ANY {
                 tied = (inside & t.simd_eq(limit)).to_bitmask() as u16;
             }
@@ -417,10 +473,10 @@ impl Packet {
 
     /// The lanes in `bits` one by one through a subtree.
     #[inline(always)]
-    fn alone<S: Simd, const ANY: bool>(
+    fn alone<S: Simd, const ANY: bool, const PAST: bool>(
         &mut self,
         simd: S,
-        bvh: &TriangleBvh,
+        screen: Screen<'_>,
         child: Child,
         bits: u16,
         near: [usize; 3],
@@ -434,11 +490,19 @@ impl Packet {
             let best = Best { t: self.limit[lane], id: self.id[lane] };
             let slab = self.slab_of(simd, lane, near);
             if ANY {
-                if single::any_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best.t, stack) {
+                let (limit, mut met) = (best.t, false);
+                let blocks = screen.bvh.blocks();
+                if single::any_below::<S, PAST>(
+                    simd, screen, blocks, &slab, &shear, child, limit, &mut met, stack,
+                ) {
                     (self.id[lane], self.limit[lane]) = (0, -1.0);
+                }
+                if PAST {
+                    self.met |= u16::from(met) << lane;
                 }
                 continue;
             }
+            let bvh = screen.bvh;
             let found = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
             // Single words that were just written are slow to read with their neighbours.
             if found.id != best.id {

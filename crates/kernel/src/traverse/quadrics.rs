@@ -10,6 +10,7 @@ use crate::{
     layout::Child,
     quadric::{Crossing, Quadrics},
     ray::{Hit, PathId},
+    through::Panes,
 };
 
 /// The closest shape: if it precedes `hit`, writes it there (normal in the object's space) and says so.
@@ -22,7 +23,9 @@ pub(super) fn closest<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let Some((index, crossing)) = trace::<S, false>(simd, quadrics, ray, ray.reach(hit.t), stack) else {
+    let Some((index, crossing)) =
+        trace::<S, false>(simd, quadrics, ray, ray.reach(hit.t), Panes::NONE, &mut false, stack)
+    else {
         return false;
     };
     let shape = &quadrics.shapes[index];
@@ -36,19 +39,28 @@ pub(super) fn closest<S: Simd>(
     found
 }
 
-/// Whether any shape lies in the ray's interval.
+/// Whether any shape that stops light lies in the ray's interval; `met`: others do.
 #[inline(always)]
-pub(super) fn any<S: Simd>(simd: S, quadrics: &Quadrics, ray: &LocalRay, stack: &mut Stack) -> bool {
-    trace::<S, true>(simd, quadrics, ray, ray.end, stack).is_some()
+pub(super) fn any<S: Simd>(
+    simd: S,
+    quadrics: &Quadrics,
+    ray: &LocalRay,
+    panes: Panes<'_>,
+    met: &mut bool,
+    stack: &mut Stack,
+) -> bool {
+    trace::<S, true>(simd, quadrics, ray, ray.end, panes, met, stack).is_some()
 }
 
-/// The closest crossing up to `limit`, or with `ANY` the first one found.
+/// The closest crossing up to `limit`, or with `ANY` the first one found that stops light.
 #[inline(always)]
 fn trace<S: Simd, const ANY: bool>(
     simd: S,
     quadrics: &Quadrics,
     ray: &LocalRay,
     limit: f32,
+    panes: Panes<'_>,
+    met: &mut bool,
     stack: &mut Stack,
 ) -> Option<(usize, Crossing)> {
     let nodes = &quadrics.tree.nodes[..];
@@ -69,7 +81,9 @@ fn trace<S: Simd, const ANY: bool>(
                 let same = best.filter(|(_, best)| best.t == crossing.t);
                 same.is_none_or(|(best, _)| quadrics.names[index] < quadrics.names[best])
             };
-            if let Some(crossing) = crossing.filter(precedes) {
+            if ANY && panes.has(quadrics.names[index].0) {
+                *met |= crossing.is_some();
+            } else if let Some(crossing) = crossing.filter(precedes) {
                 limit = crossing.t;
                 best = Some((index, crossing));
                 if ANY {

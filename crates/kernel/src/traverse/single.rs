@@ -11,6 +11,7 @@ use super::{
 use crate::{
     compact::BlockSource,
     layout::{Child, WIDTH},
+    through::Screen,
     triangle_bvh::TriangleBvh,
 };
 
@@ -151,21 +152,24 @@ fn closest_in_block<S: Simd>(
     }
 }
 
-/// Whether any triangle lies in the ray's interval.
+/// Whether any triangle lies in the ray's interval. With `PAST` those that let light through do not count, and are noted
+/// in `met`.
 #[inline(always)]
-pub(super) fn any<S: Simd>(
+pub(super) fn any<S: Simd, const PAST: bool>(
     simd: S,
-    bvh: &TriangleBvh,
+    screen: Screen<'_>,
     blocks: impl BlockSource,
     ray: &LocalRay,
+    met: &mut bool,
     stack: &mut Stack,
 ) -> bool {
-    if bvh.tree.is_empty() {
+    let tree = &screen.bvh.tree;
+    if tree.is_empty() {
         return false;
     }
-    let slab = Slab::new(simd, ray, bvh.tree.extent);
+    let slab = Slab::new(simd, ray, tree.extent);
     let shear = Shear::new(simd, ray);
-    any_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), ray.end, stack)
+    any_below::<S, PAST>(simd, screen, blocks, &slab, &shear, Child::inner(0), ray.end, met, stack)
 }
 
 /// As [`any`], in the subtree `start`, up to the distance `limit`, which counts.
@@ -174,17 +178,18 @@ pub(super) fn any<S: Simd>(
     reason = "a ray set up for boxes and triangles, and the tree in two parts"
 )]
 #[inline(always)]
-pub(super) fn any_below<S: Simd>(
+pub(super) fn any_below<S: Simd, const PAST: bool>(
     simd: S,
-    bvh: &TriangleBvh,
+    screen: Screen<'_>,
     blocks: impl BlockSource,
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
     limit: f32,
+    met: &mut bool,
     stack: &mut Stack,
 ) -> bool {
-    let nodes = bvh.tree.view();
+    let nodes = screen.bvh.tree.view();
     let limits = f32x8::splat(simd, limit);
     let mark = stack.mark();
     let mut current = start;
@@ -192,7 +197,11 @@ pub(super) fn any_below<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                if shear.test(blocks.block(block, &mut None), limits).1 != 0 {
+                let mut place = None;
+                let triangles = blocks.block(block, &mut place);
+                let (_, bits) = shear.test(triangles, limits);
+                let stopped = if PAST { screen.stops(&triangles.triangle, bits, met) } else { bits != 0 };
+                if stopped {
                     stack.cut(mark);
                     return true;
                 }

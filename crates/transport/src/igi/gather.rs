@@ -63,6 +63,8 @@ pub(super) struct ByVpls<'a> {
     tile: Tile,
     pending: Vec<Pending>,
     occluded: Vec<bool>,
+    /// Not occluded, but by what lets some light pass.
+    filtered: Vec<bool>,
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     shadows: ShadowBatch,
@@ -91,6 +93,7 @@ impl<'a> ByVpls<'a> {
             tile: Tile::new(Vec3::ZERO),
             pending: Vec::new(),
             occluded: Vec::new(),
+            filtered: Vec::new(),
             rays: Vec::new(),
             hits: Vec::new(),
             shadows: ShadowBatch::default(),
@@ -147,24 +150,41 @@ impl<'a> ByVpls<'a> {
 
     /// Traces the shadow rays of all pending lanes and adds what arrives.
     fn ask<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
-        if view.scene.has_see_through() {
+        let Self { tile, rays, pending, occluded, filtered, blocks, .. } = self;
+        for flags in [&mut *occluded, &mut *filtered] {
+            flags.clear();
+            flags.resize(pending.len(), false);
+        }
+        match (view.scene.has_see_through(), from_origin) {
+            (false, true) => view.query.occluded_tile(tile, occluded),
+            (false, false) => view.query.occluded(rays, occluded),
+            (true, true) => view.query.occluded_tile_through(tile, view.scene, occluded, filtered),
+            (true, false) => view.query.occluded_through(rays, view.scene, occluded, filtered),
+        }
+        for (pending, (occluded, filtered)) in pending.iter().zip(occluded.iter().zip(&*filtered)) {
+            if !occluded && !filtered {
+                add(blocks, pending, Vec3::ONE);
+            }
+        }
+        if filtered.contains(&true) {
             self.ask_through(view, from_origin);
-            return;
-        }
-        self.occluded.clear();
-        self.occluded.resize(self.pending.len(), false);
-        match from_origin {
-            true => view.query.occluded_tile(&self.tile, &mut self.occluded),
-            false => view.query.occluded(&self.rays, &mut self.occluded),
-        }
-        for (pending, _) in self.pending.iter().zip(&self.occluded).filter(|(_, occluded)| !**occluded) {
-            add(&mut self.blocks, pending, Vec3::ONE);
         }
     }
 
-    /// The same where surfaces may let light pass: what is hit first decides, and only the few rays that go on are followed
-    /// further.
+    /// Follows the few rays that nothing stops but surfaces that let some light pass.
     fn ask_through<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
+        let mut filtered = self.filtered.iter();
+        self.pending.retain(|_| filtered.next() == Some(&true));
+        if from_origin {
+            let few = Tile::new(self.tile.origin());
+            let whole = std::mem::replace(&mut self.tile, few);
+            let ways = (0..whole.len()).filter(|&i| self.filtered[i]).filter_map(|i| whole.ray(i));
+            ways.for_each(|ray| _ = self.tile.push(ray.direction, ray.t_max));
+        } else {
+            let mut filtered = self.filtered.iter();
+            self.rays.retain(|_| filtered.next() == Some(&true));
+        }
+        self.traced += self.pending.len() as u64;
         self.hits.clear();
         self.hits.resize(self.pending.len(), Hit::MISS);
         match from_origin {

@@ -63,7 +63,7 @@ pub(super) fn hits<S: Simd>(
     }
 }
 
-/// Marks the rays of `work` in the groups of `mask` that found a triangle, and makes room for the next.
+/// Marks the rays of `work` in the groups of `mask` that a triangle stopped, and makes room for the next.
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(
     simd: S,
@@ -83,6 +83,17 @@ pub(super) fn occluded<S: Simd>(
             answers.set(rays.slot[g * GROUP + lane]);
         }
         work.id[g] = [Work::NONE; GROUP];
+    }
+}
+
+/// Marks the rays of `work` that met what lets light through.
+#[inline(always)]
+pub(super) fn met(rays: Rays<'_>, work: &mut Work, answers: &mut Answers<'_>) {
+    for (g, met) in work.met.iter_mut().enumerate() {
+        while *met != 0 {
+            answers.meet(rays.slot[(g * GROUP + met.trailing_zeros() as usize) & (Tile::CAPACITY - 1)]);
+            *met &= *met - 1;
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 use fearless_simd::{f32x16, prelude::*};
 
 use super::{
-    Answers,
+    Answers, collect,
     work::{GROUP, Rays, Work, mask16},
 };
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
         single,
     },
     ray::{Hit, PathId},
+    through::Panes,
     traverse::{
         local::{LocalRay, before},
         settle,
@@ -33,9 +34,10 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
     work: &mut Work,
     answers: &mut Answers<'_>,
 ) {
+    let panes = if ANY { Panes::of(answers.through, path) } else { Panes::NONE };
     let mut waiting = Vec::with_capacity(KdTree::MAX_DEPTH as usize);
     for g in 0..work.groups {
-        let found = group::<S, ANY>(simd, tree, rays, work, g, &mut waiting);
+        let found = group::<S, ANY>(simd, tree, panes, rays, work, g, &mut waiting);
         let mut any = false;
         for (lane, found) in found.into_iter().enumerate() {
             let i = g * GROUP + lane;
@@ -55,6 +57,7 @@ pub(super) fn triangles<S: Simd, const ANY: bool>(
             work.update_reach(simd, g);
         }
     }
+    collect::met(rays, work, answers);
     work.update_far(simd);
 }
 
@@ -69,8 +72,9 @@ fn finished<S: Simd>(simd: S, tree: &KdTree, path: PathId, ray: LocalRay, index:
 fn group<S: Simd, const ANY: bool>(
     simd: S,
     tree: &KdTree,
+    panes: Panes<'_>,
     rays: Rays<'_>,
-    work: &Work,
+    work: &mut Work,
     g: usize,
     waiting: &mut Vec<Waiting>,
 ) -> [u32; LANES] {
@@ -92,16 +96,24 @@ fn group<S: Simd, const ANY: bool>(
         if same.count_ones() < FEW_RAYS {
             alone |= same;
         } else {
-            packet.trace::<ANY>(tree, same, signs, waiting);
+            packet.trace::<ANY>(tree, same, signs, panes, waiting);
         }
     }
     let mut found = packet.index.to_array();
+    work.met[g] = packet.met;
     while alone != 0 {
         let lane = (alone.trailing_zeros() & 15) as usize;
         alone &= alone - 1;
         let ray = rays.ray(g * GROUP + lane);
         let limit = before(rays.limit[g * GROUP + lane]);
-        if let Some(best) = single::trace::<ANY>(tree, ray.origin, ray.direction, ray.t_min, limit) {
+        let LocalRay { origin, direction, t_min, .. } = ray;
+        if ANY {
+            let mut met = false;
+            if single::any(tree, origin, direction, t_min, limit, panes, &mut met) {
+                found[lane] = 0;
+            }
+            work.met[g] |= u16::from(met) << lane;
+        } else if let Some(best) = single::closest(tree, origin, direction, t_min, limit) {
             found[lane] = best;
         }
     }

@@ -5,7 +5,7 @@
 //! `e = r · ((b + c) × (c − b))`, which keeps their error near that of the vertices even for small far triangles.
 //! Each gets its own rounding error added, so a ray that is inside is never lost; where two triangles meet they
 //! overlap by that error. Depth comes from the plane, not from the sum of the edge functions, which cancels.
-use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
 
 use super::{
     walk::{BoxRange, Frame, meet},
@@ -14,6 +14,7 @@ use super::{
 use crate::{
     compact::Blocks,
     layout::{Block, WIDTH},
+    through::Screen,
     traverse::{
         local::REACH,
         single::{self, Best},
@@ -137,7 +138,7 @@ impl Setup {
 /// A leaf as a tile sees it.
 pub(super) struct Leaf<'a> {
     frame: &'a Frame,
-    blocks: Blocks<'a>,
+    screen: Screen<'a>,
     /// Groups with a ray that meets the leaf's box, and those rays.
     mask: u16,
     rays: [u16; GROUP],
@@ -149,13 +150,13 @@ impl<'a> Leaf<'a> {
     pub(super) fn new<S: Simd>(
         simd: S,
         frame: &'a Frame,
-        blocks: Blocks<'a>,
+        screen: Screen<'a>,
         range: &BoxRange,
         mask: u16,
         work: &Work,
     ) -> Self {
         let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
-        Self { frame, blocks, mask, rays }
+        Self { frame, screen, mask, rays }
     }
 }
 
@@ -181,7 +182,7 @@ pub(super) fn rays_in_box<S: Simd>(
 
 /// Tests a block against the rays of a leaf; a bit for each group of which some changed.
 #[inline(always)]
-pub(super) fn test_block<S: Simd, const ANY: bool>(
+pub(super) fn test_block<S: Simd, const ANY: bool, const PAST: bool>(
     simd: S,
     leaf: &Leaf<'_>,
     work: &mut Work,
@@ -193,7 +194,14 @@ pub(super) fn test_block<S: Simd, const ANY: bool>(
         return 0;
     }
     let rect = work.rect_of(mask);
-    let bits = setup.fill(simd, leaf.frame, leaf.blocks.get(block, &mut None), rect, work.far);
+    let mut place = None;
+    let triangles = leaf.screen.bvh.blocks().get(block, &mut place);
+    let mut bits = setup.fill(simd, leaf.frame, triangles, rect, work.far);
+    if PAST {
+        let passed = leaf.screen.passed(&triangles.triangle, bits);
+        note(simd, leaf, work, setup, passed);
+        bits &= !passed;
+    }
     if bits == 0 {
         return 0;
     }
@@ -202,6 +210,54 @@ pub(super) fn test_block<S: Simd, const ANY: bool>(
     } else {
         triangles_outside::<S, ANY>(simd, leaf, work, setup, block, bits)
     }
+}
+
+/// Notes the rays that meet one of the triangles in `passed`, which let light through; once for each is enough.
+#[inline(always)]
+fn note<S: Simd>(simd: S, leaf: &Leaf<'_>, work: &mut Work, setup: &Setup, passed: u32) {
+    let mut mask = leaf.mask;
+    for (g, (rays, met)) in leaf.rays.iter().zip(&work.met).enumerate() {
+        mask &= !(u16::from(rays & !met == 0) << g);
+    }
+    let mut rest = if mask == 0 { 0 } else { passed };
+    while rest != 0 {
+        let lane = (rest.trailing_zeros() & 7) as usize;
+        rest &= rest - 1;
+        let mut groups = setup.groups_meeting(simd, work, lane, mask);
+        while groups != 0 {
+            let g = (groups.trailing_zeros() & 15) as usize;
+            groups &= groups - 1;
+            work.met[g] |= meeting(simd, work, setup, g, lane);
+        }
+    }
+}
+
+/// The rays of group `g` that meet a triangle nearer than what they have.
+#[inline(always)]
+fn meeting<S: Simd>(simd: S, work: &Work, setup: &Setup, g: usize, lane: usize) -> u16 {
+    let (u, v) = (f32x16::load_array_ref(simd, &work.u[g]), f32x16::load_array_ref(simd, &work.v[g]));
+    let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
+    let (inside, z) = cross_triangle(simd, setup, lane, [u, v], start);
+    (inside & z.simd_gt(f32x16::load_array_ref(simd, &work.iz[g]))).to_bitmask() as u16
+}
+
+/// Where 16 rays cross the plane of triangle `lane`, as reciprocal depths, and which of them do so inside it and behind
+/// their starts.
+#[inline(always)]
+fn cross_triangle<S: Simd>(
+    simd: S,
+    setup: &Setup,
+    lane: usize,
+    [u, v]: [f32x16<S>; 2],
+    start: f32x16<S>,
+) -> (mask32x16<S>, f32x16<S>) {
+    let e0 = plane(simd, &setup.edge[0], lane, u, v);
+    let e1 = plane(simd, &setup.edge[1], lane, u, v);
+    let e2 = plane(simd, &setup.edge[2], lane, u, v);
+    let farthest = f32x16::splat(simd, setup.depth_range[0][lane & 7]);
+    let nearest = f32x16::splat(simd, setup.depth_range[1][lane & 7]);
+    let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
+    (e0.min(e1).min(e2).simd_ge(f32x16::splat(simd, 0.0)) & z.simd_lt(start), z)
 }
 
 /// Whether the groups have few rays each in the leaf, so that going ray by ray is cheaper.
@@ -224,6 +280,7 @@ fn groups_outside<S: Simd, const ANY: bool>(
     block: usize,
     bits: u32,
 ) -> u16 {
+    let blocks = leaf.screen.bvh.blocks();
     let mut changed = 0;
     let mut rest = leaf.mask;
     while rest != 0 {
@@ -238,7 +295,7 @@ fn groups_outside<S: Simd, const ANY: bool>(
             if rays.count_ones() <= bits.count_ones() {
                 each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
-                each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, bits, block)
+                each_triangle::<S, ANY>(simd, blocks, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -256,6 +313,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
     block: usize,
     bits: u32,
 ) -> u16 {
+    let blocks = leaf.screen.bvh.blocks();
     let mut changed = 0;
     let mut rest = bits;
     while rest != 0 {
@@ -265,7 +323,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY>(simd, leaf.blocks, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY>(simd, blocks, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -302,19 +360,12 @@ fn each_triangle<S: Simd, const ANY: bool>(
         let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
         let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
         let mut id = u32x16::load_array_ref(simd, &work.id[g]);
-        let zero = f32x16::splat(simd, 0.0);
         let mut any = mask16(simd, 0);
         let (mut tied, mut number) = (0, 0);
         while rest != 0 && tied == 0 {
             let lane = (rest.trailing_zeros() & 7) as usize;
             rest &= rest - 1;
-            let e0 = plane(simd, &setup.edge[0], lane, u, v);
-            let e1 = plane(simd, &setup.edge[1], lane, u, v);
-            let e2 = plane(simd, &setup.edge[2], lane, u, v);
-            let farthest = f32x16::splat(simd, setup.depth_range[0][lane]);
-            let nearest = f32x16::splat(simd, setup.depth_range[1][lane]);
-            let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
-            let inside = e0.min(e1).min(e2).simd_ge(zero) & z.simd_lt(start);
+            let (inside, z) = cross_triangle(simd, setup, lane, [u, v], start);
             let hit = inside & z.simd_gt(iz);
             number = (block * WIDTH + lane) as u32;
             any |= hit;
@@ -398,7 +449,8 @@ fn each_ray<S: Simd, const ANY: bool>(
             let lane = (hits.trailing_zeros() & 7) as usize;
             hits &= hits - 1;
             let (id, so_far) = ((block * WIDTH + lane) as u32, work.iz[g][r]);
-            if z[lane] > so_far || (z[lane] == so_far && yields(leaf.blocks, work.id[g][r], id)) {
+            if z[lane] > so_far || (z[lane] == so_far && yields(leaf.screen.bvh.blocks(), work.id[g][r], id))
+            {
                 any = true;
                 work.iz[g][r] = z[lane];
                 work.id[g][r] = id;

@@ -22,8 +22,8 @@ use crate::{
     object::Object,
     quadric::Quadrics,
     ray::{Hit, PathId},
+    through::{Panes, Screen, SeeThrough, Shadows, Sight},
     tile::Tile,
-    triangle_bvh::TriangleBvh,
     triangles::Triangles,
 };
 
@@ -62,9 +62,22 @@ struct Answers<'a> {
     found: Slots,
     /// Those that did so since the last instance was entered.
     below: Slots,
+    /// What is no obstacle when only occlusion is asked,
+    through: Option<&'a dyn SeeThrough>,
+    /// and the slots that met some of it.
+    met: Slots,
 }
 
-impl Answers<'_> {
+impl<'a> Answers<'a> {
+    fn new(hits: &'a mut [Hit], through: Option<&'a dyn SeeThrough>) -> Self {
+        Self { hits, found: [0; 4], below: [0; 4], through, met: [0; 4] }
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, slot: u8) {
+        self.met[usize::from(slot >> 6)] |= 1 << (slot & 63);
+    }
+
     #[inline(always)]
     fn set(&mut self, slot: u8) {
         let (word, bit) = (usize::from(slot >> 6), 1 << (slot & 63));
@@ -172,7 +185,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut
     let hits = &mut hits[..len];
     let mut scratch = reuse();
     let mut level = scratch.take();
-    let mut answers = Answers { hits: &mut *hits, found: [0; 4], below: [0; 4] };
+    let mut answers = Answers::new(&mut *hits, None);
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
     run::<S, false>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
@@ -191,16 +204,23 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut
 }
 
 #[inline(always)]
-pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, occluded: &mut [bool]) {
-    let len = tile.len().min(occluded.len());
+pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, shadows: Shadows<'_>) {
+    let len = tile.len().min(shadows.occluded.len());
     let mut scratch = reuse();
     let mut level = scratch.take();
-    let mut answers = Answers { hits: &mut [], found: [0; 4], below: [0; 4] };
+    let mut answers = Answers::new(&mut [], shadows.through);
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
     run::<S, true>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
-    for (i, out) in occluded[..len].iter_mut().enumerate() {
-        *out = has(&answers.found, i as u8);
+    let Answers { found, met, .. } = answers;
+    for (i, occluded) in shadows.occluded[..len].iter_mut().enumerate() {
+        *occluded = has(&found, i as u8);
+    }
+    // In a loop of its own, as in one with the other it would be stored to no purpose where nobody asks.
+    if shadows.through.is_some() {
+        for (i, filtered) in shadows.filtered[..len].iter_mut().enumerate() {
+            *filtered = has(&met, i as u8) && !has(&found, i as u8);
+        }
     }
     keep(scratch, level);
 }
@@ -289,7 +309,12 @@ fn few<S: Simd, const ANY: bool>(
         let ray = rays.ray(i);
         let slot = rays.slot[i];
         let found = if ANY {
-            batch::any_local(simd, object, &ray, &mut scratch.single)
+            let mut sight = Sight { through: answers.through, met: false };
+            let found = batch::any_local(simd, object, &ray, path, &mut sight, &mut scratch.single);
+            if sight.met {
+                answers.meet(slot);
+            }
+            found
         } else {
             batch::closest_local(simd, object, &ray, path, answers.of(slot), &mut scratch.single)
         };
@@ -338,9 +363,16 @@ fn in_object<S: Simd, const ANY: bool>(
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
+    let panes = if ANY { Panes::of(answers.through, path) } else { Panes::NONE };
     match &object.triangles {
         Some(Triangles::Bvh(bvh)) if !bvh.tree.is_empty() => {
-            triangles::<S, ANY>(simd, bvh, rays, mask, work, &mut scratch.visits);
+            let (screen, visits) = (Screen { bvh, panes }, &mut scratch.visits);
+            if ANY && !panes.is_empty() {
+                triangles_past(simd, screen, rays, mask, work, visits);
+                collect::met(rays, work, answers);
+            } else {
+                triangles::<S, ANY, false>(simd, screen, rays, mask, work, visits);
+            }
             if ANY {
                 collect::occluded(simd, rays, mask, work, answers);
             } else {
@@ -349,7 +381,9 @@ fn in_object<S: Simd, const ANY: bool>(
             }
         }
         // It looks at all groups, and as far as the rays go.
-        Some(Triangles::KdTree(tree)) => kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers),
+        Some(Triangles::KdTree(tree)) => {
+            kd::triangles::<S, ANY>(simd, tree, path, rays, work, answers);
+        }
         _ => {}
     }
     if let Some(shapes) = &object.quadrics {
@@ -384,10 +418,16 @@ fn quadrics<S: Simd, const ANY: bool>(
         let ray = rays.ray(i);
         // What was found is also a limit for what the groups meet next.
         if ANY {
-            if !has(&answers.found, slot) && super::quadrics::any(simd, shapes, &ray, stack) {
+            if has(&answers.found, slot) {
+                continue;
+            }
+            let (panes, mut met) = (Panes::of(answers.through, path), false);
+            if super::quadrics::any(simd, shapes, &ray, panes, &mut met, stack) {
                 answers.set(slot);
                 work.iz[g][lane] = f32::INFINITY;
                 work.update_reach(simd, g);
+            } else if met {
+                answers.meet(slot);
             }
         } else if super::quadrics::closest(simd, shapes, &ray, path, answers.of(slot), stack) {
             answers.set(slot);
@@ -398,26 +438,44 @@ fn quadrics<S: Simd, const ANY: bool>(
     work.update_far(simd);
 }
 
-/// The groups in `mask` through the triangle tree.
-#[inline(always)]
-fn triangles<S: Simd, const ANY: bool>(
+/// The groups in `mask` through the triangle tree, past what lets light through. A call, so that the code around it stays
+/// as where there is nothing of it.
+#[inline(never)]
+fn triangles_past<S: Simd>(
     simd: S,
-    bvh: &TriangleBvh,
+    screen: Screen<'_>,
     rays: Rays<'_>,
     mask: u16,
     work: &mut Work,
     visits: &mut Vec<Visit>,
 ) {
+    simd.vectorize(
+        #[inline(always)]
+        || triangles::<S, true, true>(simd, screen, rays, mask, work, visits),
+    );
+}
+
+/// The groups in `mask` through the triangle tree.
+#[inline(always)]
+fn triangles<S: Simd, const ANY: bool, const PAST: bool>(
+    simd: S,
+    screen: Screen<'_>,
+    rays: Rays<'_>,
+    mask: u16,
+    work: &mut Work,
+    visits: &mut Vec<Visit>,
+) {
+    let bvh = screen.bvh;
     let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
     visits.push(Visit { mask, ..Visit::ROOT });
     while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, bvh.blocks(), &visit.range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, screen, &visit.range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
-            changed |= leaf::test_block::<S, ANY>(simd, &leaf, work, &mut setup, block);
+            changed |= leaf::test_block::<S, ANY, PAST>(simd, &leaf, work, &mut setup, block);
         }
         if changed != 0 {
             while changed != 0 {

@@ -206,6 +206,8 @@ pub(super) struct Work {
     pub rect: [f32; 4],
     pub far: f32,
     pub groups: usize,
+    /// For each group, bits of the rays that met what lets light through, in queries of any hit.
+    pub met: [u16; GROUP],
     /// The face that all rays are on.
     pub face: Face,
 }
@@ -228,6 +230,7 @@ impl Work {
         rect: [0.0; 4],
         far: -1.0,
         groups: 0,
+        met: [0; GROUP],
     };
 
     /// Projects `rays`, all of which `face` takes.
