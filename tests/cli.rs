@@ -387,3 +387,43 @@ fn a_file_without_light_or_camera_gets_both_and_says_so() {
     assert_eq!(info["cameras"].as_array().unwrap().len(), 0);
     assert!(stdout(&heliostat(&folder, "info triangle.obj")).contains("triangles"));
 }
+
+#[test]
+fn cameras_skies_and_pixel_shaders_are_named() {
+    let folder = folder("kinds");
+    let render = "render cornell --size 24x16 --spp 1 --renderer cast -o a.png";
+    for options in [
+        "--projection fisheye-equidistant --fov 200 --stereo over-under --pixel edges:ink=1/0/0 --tone agx",
+        "--projection panoramic --stereo left --pixel heat:low=0.1",
+        "--projection orthographic --ortho-height 0.6 --tone reinhard:white=2",
+        "--sky 3,40,90",
+        "--environment 1/0.5/0.1,0.2,0.3",
+    ] {
+        expect_code(&heliostat(&folder, &format!("{render} {options}")), 0);
+    }
+    for (options, message) in [
+        ("--fov 200", "needs a fisheye"),
+        ("--pixel sepia", "there is no pixel shader `sepia`; there are: aces"),
+        ("--pixel edges:depth=99", "from 0.0001 to 10"),
+        ("--tone vignette", "is no tone curve"),
+        ("--sky 3,40", "TURBIDITY,ELEVATION,AZIMUTH"),
+        ("--sky 3,40,0 --environment none", "cannot be used with"),
+        ("--stereo left --eye-distance -1", "eyes -1 m apart"),
+    ] {
+        let refused = heliostat(&folder, &format!("{render} {options}"));
+        expect_code(&refused, 2);
+        assert!(stderr(&refused).contains(message), "{options}: {}", stderr(&refused));
+    }
+}
+
+#[test]
+fn a_photometric_file_is_a_scene() {
+    let folder = folder("photometric");
+    let text =
+        "IESNA:LM-63-2002\n[LUMINAIRE] A lamp\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 60\n0 90\n0\n100 100\n";
+    std::fs::write(folder.join("lamp.ies"), text).unwrap();
+    let info = stdout(&heliostat(&folder, "info lamp.ies"));
+    // 100 cd over a hemisphere are 628 lm.
+    assert!(info.contains("`A lamp`, measured profile") && info.contains("628 lm"), "{info}");
+    expect_code(&heliostat(&folder, "render lamp.ies --size 24x16 --renderer igi -o lamp.png"), 0);
+}

@@ -4,6 +4,7 @@
 //! cargo run --release -p heliostat-bench -- contact-sheet FOLDER -o FILE.png
 //! cargo run --release -p heliostat-bench -- frame [--scene NAME|FILE …] [--renderer NAME …]
 //! cargo run --release -p heliostat-bench -- gallery [--docs FOLDER] [NAME…]
+//! cargo run --release -p heliostat-bench -- igi [--scene NAME|FILE …] [--page FILE]
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
 //! cargo run --release -p heliostat-bench -- motion alternatives|edits|grouping|instancing|play …
 //! ```
@@ -13,9 +14,11 @@ mod contact_sheet;
 mod flatten;
 mod frame;
 mod gallery;
+mod igi;
 mod kernel;
 mod measure;
 mod motion;
+mod page;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -49,6 +52,8 @@ enum Command {
     Frame(frame::Arguments),
     /// Render every surface shader on a stand and write the page that describes them
     Gallery(gallery::Arguments),
+    /// Error and time of Instant Global Illumination beside its ancestor and path tracing
+    Igi(igi::Arguments),
     /// Rays per second of the kernel and of Embree, side by side on the same scenes and rays
     Kernel(Box<kernel::Arguments>),
     /// What motion costs: edits, instances, deforming meshes, animated scenes
@@ -63,6 +68,7 @@ fn main() -> ExitCode {
         }
         Command::Frame(arguments) => frame::run(&arguments),
         Command::Gallery(arguments) => gallery::run(&arguments),
+        Command::Igi(arguments) => igi::run(&arguments),
         Command::Kernel(arguments) => kernel::run(&arguments),
         Command::Motion(command) => motion::run(&command),
     };

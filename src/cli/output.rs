@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use heliostat::engine::tone;
 use heliostat::formats::image::{EncodeError, encode_exr, encode_hdr, encode_png};
 use heliostat::scene::Frame;
+use heliostat::shading::pixel::BoundPixelShader;
 use heliostat_viewer::{plane_bytes, plane_colors};
 
 use super::failure::Failure;
@@ -79,16 +80,23 @@ impl Target {
     }
 
     /// Writes the frame, and its planes: into the same file for EXR, else beside it as `picture.NAME.png`. A PNG is
-    /// brightened by `ev` stops. Returns the files written.
+    /// brightened by `ev` stops and goes through the tone curve. Returns the files written.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub(super) fn write(&self, frame: &Frame, ev: f32) -> Result<Vec<PathBuf>, Failure> {
+    pub(super) fn write(
+        &self,
+        frame: &Frame,
+        curve: &BoundPixelShader,
+        ev: f32,
+    ) -> Result<Vec<PathBuf>, Failure> {
         let (width, height) = (frame.width, frame.height);
         let bytes = match self.format {
             Format::Exr => encode_exr(width, height, &frame.color, &frame.planes)?,
             Format::Hdr => encode_hdr(width, height, &frame.color)?,
-            Format::Png | Format::Apng => encode_png(width, height, &tone::tone_map(&frame.color, ev))?,
+            Format::Png | Format::Apng => {
+                encode_png(width, height, &tone::tone_map_by(curve, &frame.color, width, ev))?
+            }
         };
         write(&self.path, &bytes)?;
         let mut files = vec![self.path.clone()];

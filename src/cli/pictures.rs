@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use heliostat::engine::tone;
 use heliostat::formats::image::PngAnimation;
 use heliostat::scene::Frame;
+use heliostat::shading::pixel::BoundPixelShader;
 
 use super::failure::Failure;
 use super::output::{Format, Target, folder};
@@ -19,6 +20,8 @@ pub(super) struct Pictures {
     several: bool,
     /// The first frame decides for all: brightness that is chosen anew for each of them flickers.
     exposure: Exposure,
+    /// The tone curve of 8-bit pictures.
+    curve: BoundPixelShader,
 }
 
 /// How many frames of what kind are to come.
@@ -44,6 +47,7 @@ impl Pictures {
         target: &Target,
         animate: Option<&Path>,
         exposure: Exposure,
+        curve: BoundPixelShader,
         expected: &Expected,
     ) -> Result<Self, Failure> {
         target.check()?;
@@ -53,7 +57,7 @@ impl Pictures {
             None => None,
         };
         let target = alone.is_none().then(|| target.clone());
-        Ok(Self { target, animation, several: expected.frames > 1, exposure })
+        Ok(Self { target, animation, several: expected.frames > 1, exposure, curve })
     }
 
     /// Writes a frame; returns the files written and the exposure used, if any.
@@ -68,12 +72,12 @@ impl Pictures {
         };
         self.exposure = Exposure::Ev(ev);
         let files = match &self.target {
-            Some(target) if self.several => target.numbered(number).write(frame, ev)?,
-            Some(target) => target.write(frame, ev)?,
+            Some(target) if self.several => target.numbered(number).write(frame, &self.curve, ev)?,
+            Some(target) => target.write(frame, &self.curve, ev)?,
             None => Vec::new(),
         };
         if let Some(animation) = &mut self.animation {
-            animation.add(&tone::tone_map(&frame.color, ev))?;
+            animation.add(&tone::tone_map_by(&self.curve, &frame.color, frame.width, ev))?;
         }
         Ok((files, (mapped || self.animation.is_some()).then_some(ev)))
     }

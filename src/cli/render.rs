@@ -13,9 +13,10 @@ use heliostat::lighting;
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
     ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
-    MaterialOverride, Plane, RebuildKind, Scene, Sky,
+    MaterialOverride, Plane, RebuildKind, Scene, ShaderUse, Sky,
 };
 use heliostat::shading::ShaderRegistry;
+use heliostat::shading::pixel::{BoundPixelShader, PixelRegistry};
 use heliostat_viewer::Own;
 use serde_json::{Value, json};
 
@@ -65,6 +66,13 @@ pub(super) struct Arguments {
     /// Stops by which a .png is brightened, or `auto`: as suits the first frame [default: the replay's, else auto]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<Exposure>,
+    /// Tone curve of a .png: aces, agx, clip, filmic, reinhard[:white=W]; `clip` after a --pixel that answers in colours
+    /// [default: filmic]
+    #[arg(long, value_name = "NAME[:PARAMETER=VALUE,…]", value_parser = values::shader)]
+    tone: Option<ShaderUse>,
+    /// Pixel shaders that the picture goes through in this order: edges, exposure, heat, vignette, or a tone curve
+    #[arg(long, value_name = "NAME[:PARAMETER=VALUE,…]", value_parser = values::shader)]
+    pixel: Vec<ShaderUse>,
     /// Auxiliary planes: into the same file for .exr, else beside it as FILE.NAME.png
     #[arg(long, value_name = "NAME", value_enum, num_args = 1.., value_delimiter = ',')]
     aov: Vec<Aov>,
@@ -128,6 +136,8 @@ enum Renderer {
     Direct,
     /// Instant Global Illumination: all light at once, by virtual point lights
     Igi,
+    /// Its ancestor, for comparison: one set of virtual point lights for all pixels, nothing filtered
+    InstantRadiosity,
     /// Ray casting: first surfaces and all lights, without shadows
     Cast,
 }
@@ -184,6 +194,7 @@ impl Renderer {
             Self::Path => "path",
             Self::Direct => "direct",
             Self::Igi => "igi",
+            Self::InstantRadiosity => "instant-radiosity",
             Self::Cast => "cast",
         }
     }
@@ -192,7 +203,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi | Self::Cast => 1,
+            Self::Igi | Self::InstantRadiosity | Self::Cast => 1,
         }
     }
 }
@@ -262,8 +273,8 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
         size: arguments.size(),
     };
     let animate = arguments.sequence.animate.as_deref();
-    let mut pictures =
-        Pictures::new(&arguments.output, animate, arguments.exposure.unwrap_or(Exposure::Auto), &expected)?;
+    let (curve, exposure) = tone(arguments)?;
+    let mut pictures = Pictures::new(&arguments.output, animate, exposure, curve, &expected)?;
     if arguments.group {
         let mut scene = Scene::default();
         scene.apply(&edits)?;
@@ -280,6 +291,28 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
         console::message(&format!("wrote {}: {frames} frames, {rate} per second", file.display()));
     }
     Ok(())
+}
+
+/// The tone curve and the exposure of 8-bit pictures: what a pixel shader has made for a display is left as it is.
+fn tone(arguments: &Arguments) -> Result<(BoundPixelShader, Exposure), Failure> {
+    let shaders = PixelRegistry::built_in();
+    let bind = |wanted: &ShaderUse| shaders.bind(wanted).map_err(|problem| Failure::usage(problem.0));
+    let mut shown = false;
+    for wanted in &arguments.pixel {
+        shown = bind(wanted)?.info().for_display;
+    }
+    let default = ShaderUse::named(if shown { "clip" } else { "filmic" });
+    let curve = bind(arguments.tone.as_ref().unwrap_or(&default))?;
+    let info = curve.info();
+    if !info.for_display {
+        let help = "tone curves are aces, agx, clip, filmic and reinhard; give others with --pixel";
+        return Err(Failure::usage(format!("`{}` is no tone curve", info.name)).with_help(help));
+    }
+    let exposure = match arguments.exposure.unwrap_or(Exposure::Auto) {
+        Exposure::Auto if shown => Exposure::Ev(0.0),
+        exposure => exposure,
+    };
+    Ok((curve, exposure))
 }
 
 /// Builds the scene as it is in the first frame.
@@ -406,6 +439,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             compensate: !arguments.no_compensation,
             photons: arguments.photons,
         },
+        pixel_shaders: arguments.pixel.clone(),
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size().width, arguments.size().height)
     }

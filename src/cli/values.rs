@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use glam::Vec3;
-use heliostat::scene::{Gradient, Sky};
+use heliostat::scene::{Gradient, ShaderUse, Sky};
 
 /// Most pixels along one edge, and in one picture.
 const MAX_EDGE: u32 = 1 << 16;
@@ -45,6 +45,23 @@ pub(super) fn vector(text: &str) -> Result<Vec3, String> {
         [x, y, z] => Ok(Vec3::new(x, y, z)),
         _ => Err(format!("`{text}` is not a vector; write three numbers X,Y,Z")),
     }
+}
+
+/// `NAME` or `NAME:PARAMETER=VALUE,…` of a pixel shader; a colour is written `R/G/B`.
+pub(super) fn shader(text: &str) -> Result<ShaderUse, String> {
+    let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
+    let mut shader = ShaderUse::named(name);
+    for setting in parameters.split(',').filter(|setting| !setting.is_empty()) {
+        let form =
+            || format!("`{setting}` in `{text}` sets nothing; write PARAMETER=VALUE or PARAMETER=R/G/B");
+        let (parameter, value) = setting.split_once('=').ok_or_else(form)?;
+        shader = match numbers(&value.replace('/', ","))?[..] {
+            [number] => shader.with(parameter, number),
+            [r, g, b] => shader.with(parameter, Vec3::new(r, g, b)),
+            _ => return Err(form()),
+        };
+    }
+    Ok(shader)
 }
 
 /// `TURBIDITY,ELEVATION,AZIMUTH` of a sky, angles in degrees.
@@ -220,6 +237,16 @@ mod tests {
         assert_eq!("auto".parse(), Ok(Exposure::Auto));
         assert!("bright".parse::<Exposure>().is_err());
         assert!(wide_angle("361").is_err() && wide_angle("0").is_err());
+    }
+
+    #[test]
+    fn shaders() {
+        assert_eq!(shader("heat"), Ok(ShaderUse::named("heat")));
+        let expected = ShaderUse::named("edges").with("ink", Vec3::new(1.0, 0.5, 0.0)).with("depth", 0.1);
+        assert_eq!(shader("edges:ink=1/0.5/0,depth=0.1"), Ok(expected));
+        assert!(
+            shader("edges:ink").is_err() && shader("edges:ink=1/2").is_err() && shader("heat:low=x").is_err()
+        );
     }
 
     #[test]

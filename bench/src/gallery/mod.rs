@@ -1,4 +1,5 @@
-//! The gallery of surface shaders: a picture of each on a stand, and the page that lists their parameters.
+//! The gallery of shaders: a picture of each surface shader on a stand and of each pixel shader on one view, and the pages
+//! that list their parameters.
 
 mod page;
 mod palette;
@@ -7,23 +8,26 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use heliostat::builtin::stand;
+use heliostat::builtin::{self, stand};
 use heliostat::engine::{Engine, EngineOptions, tone};
 use heliostat::formats::image::encode_png;
 use heliostat::kernel::glam::{Vec3, Vec4};
 use heliostat::scene::{Backend, FrameRequest, Material, Progress, ShaderUse};
 use heliostat::shading::ShaderRegistry;
+use heliostat::shading::pixel::PixelRegistry;
 
 /// Edge of a picture, pixels.
 const SIZE: u32 = 200;
 /// Stops by which all pictures are brightened.
 const EXPOSURE: f32 = -0.4;
+/// The same for the view of pixel shaders.
+const VIEW_EXPOSURE: f32 = 0.5;
 /// Largest file that goes into the repository.
 const LARGEST_FILE: usize = 40_000;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// The folder that gets `shaders.md` and `shaders/NAME.png`
+    /// The folder that gets `shaders.md`, `pixel-shaders.md` and `NAME.png` in folders of the same names
     #[arg(long, default_value = "docs")]
     docs: PathBuf,
     /// Samples per pixel
@@ -36,18 +40,39 @@ pub(crate) struct Arguments {
 /// Renders the pictures and writes the page; a line per picture goes to stdout.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     let registry = ShaderRegistry::built_in();
-    let unknown = arguments.names.iter().find(|name| !registry.programs().contains_key(*name));
-    if let Some(name) = unknown {
+    let pixel_shaders = PixelRegistry::built_in();
+    let known =
+        |name: &String| registry.programs().contains_key(name) || pixel_shaders.programs().contains_key(name);
+    if let Some(name) = arguments.names.iter().find(|name| !known(name)) {
         return Err(format!("there is no shader `{name}`"));
     }
-    let folder = arguments.docs.join("shaders");
+    let spp = arguments.spp;
+    pictures(arguments, "shaders", registry.programs().keys(), &|name| picture(name, spp))?;
+    pictures(arguments, "pixel-shaders", pixel_shaders.programs().keys(), &|name| view(name, spp))?;
+    for (name, text) in
+        [("shaders", page::surfaces(&registry)), ("pixel-shaders", page::pixels(&pixel_shaders))]
+    {
+        let page = arguments.docs.join(name).with_extension("md");
+        std::fs::write(&page, text).map_err(|error| format!("{}: {error}", page.display()))?;
+    }
+    Ok(())
+}
+
+/// Renders the pictures of one kind of shaders into a folder of the documentation.
+fn pictures<'a>(
+    arguments: &Arguments,
+    folder: &str,
+    names: impl Iterator<Item = &'a String>,
+    picture: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+) -> Result<(), String> {
+    let folder = arguments.docs.join(folder);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    for name in registry.programs().keys() {
+    for name in names {
         if !arguments.names.is_empty() && !arguments.names.contains(name) {
             continue;
         }
         let start = Instant::now();
-        let png = encode(&picture(name, arguments.spp)?)?;
+        let png = encode(&picture(name)?)?;
         if png.len() > LARGEST_FILE {
             return Err(format!("{name}: {} bytes are more than {LARGEST_FILE}: raise --spp", png.len()));
         }
@@ -55,8 +80,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         std::fs::write(&path, &png).map_err(|error| format!("{}: {error}", path.display()))?;
         crate::result(&format!("{name}: {} bytes, {:.1} s", png.len(), start.elapsed().as_secs_f64()));
     }
-    let page = arguments.docs.join("shaders.md");
-    std::fs::write(&page, page::markdown(&registry)).map_err(|error| format!("{}: {error}", page.display()))
+    Ok(())
+}
+
+/// A view of the office through a pixel shader: RGB bytes.
+fn view(name: &str, spp: u32) -> Result<Vec<u8>, String> {
+    let progress = Progress::new();
+    let shaders = PixelRegistry::built_in();
+    let curve = |name: &str| shaders.bind(&ShaderUse::named(name)).map_err(|problem| problem.0);
+    let is_curve = curve(name)?.info().for_display;
+    let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
+    let edits = builtin::build("office").ok_or("there is no scene `office`")?;
+    engine.apply(&edits, &progress).map_err(|error| error.to_string())?;
+    let camera = engine.scene().cameras().values().next().ok_or("the office has no camera")?.clone();
+    let mut request = FrameRequest::new(camera, SIZE, SIZE);
+    (request.renderer, request.samples) = ("igi".into(), spp.div_ceil(8));
+    if !is_curve {
+        request.pixel_shaders = vec![ShaderUse::named(name)];
+    }
+    let frame = engine.render(&request, &progress).map_err(|error| error.to_string())?;
+    let shown = curve(if is_curve { name } else { "filmic" })?;
+    Ok(tone::tone_map_by(&shown, &frame.color, SIZE, VIEW_EXPOSURE))
 }
 
 /// A PNG of all colours or, if that is too large, of 256.

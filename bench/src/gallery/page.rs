@@ -1,8 +1,9 @@
-//! The page of surface shaders, from the registry.
+//! The pages of surface and pixel shaders, from their registries.
 
 use std::fmt::Write;
 
-use heliostat::shading::{Parameter, ParameterKind, ShaderInfo, ShaderRegistry};
+use heliostat::shading::pixel::PixelRegistry;
+use heliostat::shading::{Parameter, ParameterKind, ShaderRegistry};
 
 const HEAD: &str = "# Surface shaders
 
@@ -20,25 +21,52 @@ Colours are linear Rec. 709. All pictures show a ball of 24 cm on a block of the
 `cargo run --release -p heliostat-bench -- gallery`.
 ";
 
-/// The whole page.
-pub(super) fn markdown(registry: &ShaderRegistry) -> String {
+const PIXEL_HEAD: &str = "# Pixel shaders
+
+What a finished picture can go through: `--pixel NAME[:PARAMETER=VALUE,…]` on the command line, as often as wanted, and
+`FrameRequest::pixel_shaders` in programs. Those that are tone curves end in colours for a display, and `--tone NAME` chooses
+one for pictures of 8 bits in place of `filmic`. Colours are linear Rec. 709; on the command line they are written `R/G/B`.
+
+```
+heliostat render conference -o plan.png --pixel edges:ink=0/0/0.2,paper=0.7
+heliostat render atrium -o atrium.png --tone agx:saturation=1.2
+```
+
+Programs add their own: a `PixelShader` is a Rust trait over lanes (`heliostat::shading::pixel`), registered in a
+`PixelRegistry` that `Engine::set_pixel_shaders` takes. This page and its pictures are written by
+`cargo run --release -p heliostat-bench -- gallery`.
+";
+
+/// The whole page of surface shaders.
+pub(super) fn surfaces(registry: &ShaderRegistry) -> String {
     let mut page = String::from(HEAD);
     for program in registry.programs().values() {
-        section(&mut page, &program.info());
+        let info = program.info();
+        section(&mut page, "shaders", (&info.name, &info.about), &info.parameters);
     }
     page
 }
 
-fn section(page: &mut String, info: &ShaderInfo) {
-    let (name, about) = (&info.name, &info.about);
+/// The whole page of pixel shaders.
+pub(super) fn pixels(registry: &PixelRegistry) -> String {
+    let mut page = String::from(PIXEL_HEAD);
+    for program in registry.programs().values() {
+        let info = program.info();
+        let about = if info.for_display { format!("{} (for a display)", info.about) } else { info.about };
+        section(&mut page, "pixel-shaders", (&info.name, &about), &info.parameters);
+    }
+    page
+}
+
+fn section(page: &mut String, folder: &str, (name, about): (&str, &str), parameters: &[Parameter]) {
     // Writing to a string cannot fail.
-    let _ = write!(page, "\n## {name}\n\n![{name}](shaders/{name}.png)\n\n{}.\n", capitalised(about));
-    if info.parameters.is_empty() {
+    let _ = write!(page, "\n## {name}\n\n![{name}]({folder}/{name}.png)\n\n{}.\n", capitalised(about));
+    if parameters.is_empty() {
         let _ = write!(page, "\nIt has no parameters.\n");
         return;
     }
     let _ = write!(page, "\n| parameter | default | range | unit | what it does |\n|---|---|---|---|---|\n");
-    for parameter in &info.parameters {
+    for parameter in parameters {
         let Parameter { name, unit, about, .. } = parameter;
         let _ =
             writeln!(page, "| `{name}` | {} | {} | {unit} | {about} |", default(parameter), range(parameter));
@@ -79,15 +107,18 @@ mod tests {
     #[test]
     fn the_page_says_what_the_registry_says() {
         let docs = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");
-        let page = std::fs::read_to_string(format!("{docs}/shaders.md")).expect("docs/shaders.md");
-        let registry = ShaderRegistry::built_in();
-        assert!(
-            page.replace('\r', "") == markdown(&registry),
-            "run `heliostat-bench gallery`: docs/shaders.md is old"
-        );
-        for name in registry.programs().keys() {
-            let size = std::fs::metadata(format!("{docs}/shaders/{name}.png")).expect("its picture").len();
-            assert!(size <= super::super::LARGEST_FILE as u64, "{name}.png has {size} bytes");
+        let (surface_shaders, pixel_shaders) = (ShaderRegistry::built_in(), PixelRegistry::built_in());
+        let surfaces = ("shaders", surfaces(&surface_shaders), surface_shaders.programs().keys().collect());
+        let pixels = ("pixel-shaders", pixels(&pixel_shaders), pixel_shaders.programs().keys().collect());
+        for (folder, text, names) in [surfaces, pixels] {
+            let names: Vec<&String> = names;
+            let page = std::fs::read_to_string(format!("{docs}/{folder}.md")).expect("the page");
+            assert!(page.replace('\r', "") == text, "run `heliostat-bench gallery`: docs/{folder}.md is old");
+            for name in names {
+                let size =
+                    std::fs::metadata(format!("{docs}/{folder}/{name}.png")).expect("its picture").len();
+                assert!(size <= super::super::LARGEST_FILE as u64, "{name}.png has {size} bytes");
+            }
         }
     }
 }

@@ -4,20 +4,6 @@ use std::fmt::Write;
 
 use super::results::{BARS, BuildRow, Results, Row, Standing, is_embree};
 
-const BEGIN: &str = "<!-- kernel:begin -->";
-const END: &str = "<!-- kernel:end -->";
-
-/// The page with everything between its two markers replaced.
-///
-/// # Errors
-/// When the markers are not both there, in order.
-pub(super) fn splice(page: &str, tables: &str) -> Result<String, String> {
-    let missing = || format!("the page has no `{BEGIN}` followed by `{END}`");
-    let begin = page.find(BEGIN).ok_or_else(missing)? + BEGIN.len();
-    let end = begin + page[begin..].find(END).ok_or_else(missing)?;
-    Ok(format!("{}\n\n{}\n\n{}", &page[..begin], tables.trim(), &page[end..]))
-}
-
 /// All tables.
 pub(super) fn tables(results: &Results) -> String {
     let mut text = machine(results);
@@ -222,16 +208,6 @@ fn losses(results: &Results) -> String {
 mod tests {
     use super::*;
     use crate::kernel::results::tests::some;
-
-    #[test]
-    fn only_what_lies_between_the_markers_changes() {
-        let page = format!("# Speed\n\n{BEGIN}\nold\n{END}\n\nAfter.\n");
-        let once = splice(&page, "new\n").expect("markers");
-        assert_eq!(once, format!("# Speed\n\n{BEGIN}\n\nnew\n\n{END}\n\nAfter.\n"));
-        assert_eq!(splice(&once, "new"), Ok(once.clone()), "a second time changes nothing");
-        assert!(splice("no markers", "new").is_err());
-        assert!(splice(&format!("{END} {BEGIN}"), "new").is_err());
-    }
 
     #[test]
     fn tables_say_what_was_measured_and_where_a_peer_wins() {

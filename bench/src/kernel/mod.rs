@@ -242,7 +242,7 @@ fn finish(results: &Results, arguments: &Arguments) -> Result<(), String> {
     }
     if let Some(path) = &arguments.markdown {
         let page = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let spliced = markdown::splice(&page, &markdown::tables(results));
+        let spliced = crate::page::splice(&page, "kernel", &markdown::tables(results));
         write(path, &spliced.map_err(|error| format!("{}: {error}", path.display()))?)?;
     }
     Ok(())

@@ -11,12 +11,14 @@ use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, IgiOptions,
     MaterialOverride, Progress, Scene,
 };
+use heliostat_shading::pixel::PixelRegistry;
 use heliostat_shading::{CameraRays, LaneMode, PixelFilter, ShaderRegistry};
 use heliostat_transport::{Gathered, IgiFrame, IgiSettings, Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::{Compiled, Refused};
 use crate::film::Film;
 use crate::meter::Metered;
+use crate::post;
 use crate::queue::work_through;
 
 /// Most pixels of one picture.
@@ -65,6 +67,7 @@ pub struct Engine {
     compiled: Compiled,
     options: EngineOptions,
     shaders: Arc<ShaderRegistry>,
+    pixel_shaders: PixelRegistry,
     threads: NonZeroUsize,
     pool: rayon::ThreadPool,
 }
@@ -100,7 +103,13 @@ impl Engine {
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
         let compiled = Compiled::new(&options, shaders.clone());
-        Ok(Self { scene: Scene::default(), compiled, options, shaders, threads, pool })
+        let pixel_shaders = PixelRegistry::built_in();
+        Ok(Self { scene: Scene::default(), compiled, options, shaders, pixel_shaders, threads, pool })
+    }
+
+    /// Replaces the pixel shaders that requests may name; the default is those that come with the engine.
+    pub fn set_pixel_shaders(&mut self, pixel_shaders: PixelRegistry) {
+        self.pixel_shaders = pixel_shaders;
     }
 
     /// The scene as all edits so far have made it.
@@ -147,7 +156,7 @@ impl Engine {
             seed: request.seed,
             frame: request.frame,
             filter: PixelFilter::new(request.filter),
-            aligned: renderer == Renderer::Igi,
+            aligned: matches!(renderer, Renderer::Igi | Renderer::InstantRadiosity),
             ambient: request.ambient,
         };
         let rays = match renderer {
@@ -155,6 +164,10 @@ impl Engine {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
             Renderer::Igi => self.render_igi(&view, &settings, &request.igi, film, progress)?,
+            Renderer::InstantRadiosity => {
+                let alone = IgiOptions { interleave: [1, 1], filter: false, ..request.igi };
+                self.render_igi(&view, &settings, &alone, film, progress)?
+            }
         };
         if progress.is_cancelled() {
             return Err(BackendError::Cancelled);
@@ -258,13 +271,20 @@ enum Renderer {
     ByRegion(Integrator),
     /// Instant Global Illumination.
     Igi,
+    /// Its ancestor, for comparison: all pixels share one set of virtual point lights and nothing is filtered (Keller,
+    /// "Instant Radiosity", 1997).
+    InstantRadiosity,
 }
 
 impl Renderer {
-    const NAMES: [&str; 4] = ["path", "direct", "igi", "cast"];
+    const NAMES: [&str; 5] = ["path", "direct", "igi", "instant-radiosity", "cast"];
 
     fn by_name(name: &str) -> Option<Self> {
-        if name == "igi" { Some(Self::Igi) } else { Integrator::by_name(name).map(Self::ByRegion) }
+        match name {
+            "igi" => Some(Self::Igi),
+            "instant-radiosity" => Some(Self::InstantRadiosity),
+            _ => Integrator::by_name(name).map(Self::ByRegion),
+        }
     }
 }
 
@@ -299,9 +319,14 @@ impl Backend for Engine {
         if request.materials != MaterialOverride::None {
             self.compiled.prepare_override(&self.scene, request.materials);
         }
-        let film = Film::new(request);
+        let bind =
+            |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
+        let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
+        let film = Film::new(request, &post::planes(request, &pixel_shaders));
         let stats = self.render_frame(request, renderer, &film, progress)?;
         let mut frame = film.finish();
+        self.pool.install(|| post::shade(&mut frame, &pixel_shaders, self.options.lanes));
+        frame.planes.truncate(request.planes.len());
         frame.problems = self.compiled.shading(request.materials).take_problems();
         frame.stats = stats;
         Ok(frame)

@@ -13,12 +13,12 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// A black frame of the requested size and planes.
-    pub(crate) fn new(request: &FrameRequest) -> Self {
+    /// A black frame of the requested size with some planes.
+    pub(crate) fn new(request: &FrameRequest, planes: &[Plane]) -> Self {
         let (width, height) = (request.width, request.height);
         let pixels = width as usize * height as usize;
         let plane = |&plane: &Plane| PlaneData { plane, values: vec![0.0; pixels * plane.channels()] };
-        let planes = request.planes.iter().map(plane).collect();
+        let planes = planes.iter().map(plane).collect();
         let (color, stats) = (vec![Vec3::ZERO; pixels], FrameStats::default());
         Self {
             frame: Mutex::new(Frame { width, height, color, planes, stats, problems: Vec::new() }),

@@ -26,6 +26,7 @@ mod compile;
 mod engine;
 mod film;
 mod meter;
+mod post;
 mod queue;
 
 pub use engine::{Accelerator, Engine, EngineOptions};

@@ -149,7 +149,7 @@ fn photons_bring_the_light_of_mirrors_and_glass() {
         let options = IgiOptions { paths: 24, filter: false, ..IgiOptions::default() };
         let reference = reference(&mut engine, &request(1, options), 512);
         let all = |frame: &Frame| mean_of(frame, 0..60, 16..60);
-        let frame = render(&mut engine, &request(16, options));
+        let frame = render(&mut engine, &request(24, options));
         assert_close(all(&frame), all(&reference), 0.015, name);
         let without = render(&mut engine, &request(16, IgiOptions { photons: 0, ..options }));
         assert!(all(&without).y < (1.0 - share) * all(&reference).y, "{name}: {}", all(&without));
@@ -249,4 +249,13 @@ fn impossible_options_are_refused() {
         let error = engine.render(&request(1, igi), &Progress::new()).expect_err("out of range");
         assert!(error.to_string().contains("give"), "{error}");
     }
+}
+
+#[test]
+fn instant_radiosity_is_one_set_for_all_pixels() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let alone = IgiOptions { interleave: [1, 1], filter: false, ..IgiOptions::default() };
+    let expected = render(&mut engine, &request(2, alone));
+    let ancestor = FrameRequest { renderer: "instant-radiosity".into(), ..request(2, IgiOptions::default()) };
+    assert_eq!(render(&mut engine, &ancestor).color, expected.color);
 }

@@ -29,6 +29,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (number, text) in AFF.iter().enumerate() {
         put("aff", &format!("seed{number}"), text.as_bytes())?;
     }
+    for (number, text) in IES.iter().enumerate() {
+        // The first byte chooses the kind.
+        put("ies", &format!("seed{number}"), text.as_bytes())?;
+    }
     for (name, script) in [("scripted", sample::Sample::SCRIPT), ("plain", "")] {
         let mut bytes = (script.len() as u16).to_le_bytes().to_vec();
         bytes.extend(script.as_bytes());
@@ -117,6 +121,14 @@ const AFF: [&str; 3] = [
     "b 0.1 0.2 0.3\nv\nfrom 0 -5 1\nat 0 0 0\nup 0 0 1\nangle 45\nhither 1\nresolution 9 9\nl 1 2 3\nl 4 5 6 1 0 0\nf 1 0.5 0.25 0.5 0.5 3 0.1 1.5\ns 0 0 0 -1\nc 0 0 0 1 0 0 1 0.5\np 4 0 0 0 1 0 0 1 1 0 0 1 0\npp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n",
     "a -1 2 30 am 1 1 1 d 1 i 0 part.aff la lamp 0 0 1 1 1 1 xs 1 2 1 0 1 0 90 1 0 0 { x spin { i 1 part.aff s 0 0 0 1 } }\nk spin { rot 5 -1 0 1 0 0 0 0 0 0 0 1 0 90 0.5 0 0 1 0 1 0 180 0 0.5 0 2 1 0 0 300 0 0 0.5 3 0 0 1 7 0 0 0 visibility 2 0 0 1 1 }\nk lamp { transl 4 0 0 0 0 0 0 0 0 1 0 0 0 0 0 1 2 0 0 0 0 0 2 2 0 0 0 0 0 scale 4 0 1 1 1 0 0 0 0 1 1 1 0 0 0 1 2 2 2 0 0 0 1 1 1 1 0 0 0 }\n",
     "fm 1 1 1 1 1 1 1 1 1 20 0 0 m vertices 3 0 0 0 1 0 0 0 1 0 normals 1 0 0 1 texturecoords 2 t.ppm 0 0 1 1 triangles 1 0 1 2 0 0 0 0 1 0\ntt t.ppm 0 0 0 0 0 1 0 0 1 0 0 1 0 0 1\nttp none.ppm 0 0 0 0 0 1 0 0 1 0 0 0 0 1 1 0 0 1 0 0 0 1 0 1\ntpa 2 0 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1 1 0 0 1 0 0 1 1 0 1 0 0 1 0 1 1 0 0 1\n",
+];
+
+const IES: [&str; 5] = [
+    "0IESNA:LM-63-2002\n[LUMINAIRE] a\nTILT=NONE\n1 1000 2 2 3 1 2 0.1 0.1 0\n0.5 1 60\n0 90\n0 45 90\n1 2 3 4 5 6\n",
+    "0IESNA91\nTILT=INCLUDE\n1\n3\n-90 0 90\n.9 .8 .7\n1,1,1,2,1,1,1,0,0,0\n1,1,60\n0,180\n0\n10,20\n",
+    "0label\nTILT=tilt.dat\n1 1 1 3 3 2 2 0 0 0\n1 1 1\n-10 0 10\n-20 0 20\n1 2 3 4 5 6 7 8 9\n",
+    "0IES:LM-63-2019\nTILT=NONE\n1 -1 1 2 2 3 2 0 0 0\n1 1 1\n-90 90\n0 90\n1 2 3 4\n",
+    "12\n-30 30 3 # h\n0 0 2\n-5 5\n1 2 3 4 5 6\n",
 ];
 
 const PLY: [&str; 2] = [

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use heliostat_formats::image::decode;
-use heliostat_formats::{Limits, Loaded, Severity, load};
+use heliostat_formats::{Limits, Loaded, NoFiles, Severity, ies, load};
 use heliostat_scene::{CameraId, Edit, Geometry, Instance, ObjectId, Pixels, Scene};
 
 /// The folder of real scenes, or a line on stderr.
@@ -275,6 +275,25 @@ fn maps_have_the_faces_lights_and_images_of_their_files() {
         scene.apply(&baked.edits).unwrap();
         println!("{file}: {} triangles with baked light", shown_triangles(&scene));
         assert!(scene.lights().is_empty() && shown_triangles(&scene) < 2_000_000, "{file}");
+    }
+}
+
+#[test]
+fn headlamps_have_the_beams_of_their_tables() {
+    let Some(folder) = scenes("headlamps_have_the_beams_of_their_tables") else { return };
+    // Candela by 179 lm/W where the beam is brightest, degrees to the right and up; lumens by the midpoint rule over the
+    // table, apart from this crate.
+    for (file, h, v, candela, lumens) in [
+        ("highbeam.dat", 0.0_f32, 0.0_f32, 25_114.95, 385.81),
+        ("lowbeam.dat", 5.0, -2.5, 12_711.29, 257.25),
+        ("syl2a.dat", 2.5, -1.5, 2_576.01, 21.499),
+    ] {
+        let bytes = std::fs::read(folder.join("radiance-headlamp").join(file)).unwrap();
+        let profile = ies::read(file, &bytes, &NoFiles, &Limits::default()).unwrap().profile;
+        println!("{file}: {:.1} lm, at most {:.0} cd", profile.flux(), profile.peak());
+        let brightest = profile.at((90.0 - h).to_radians(), v.to_radians());
+        assert!((brightest / candela - 1.0).abs() < 1e-3 && (profile.peak() / candela - 1.0).abs() < 1e-3);
+        assert!((profile.flux() / lumens - 1.0).abs() < 1e-3, "{file}: {} lm", profile.flux());
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::Camera;
+use crate::{Camera, ShaderUse};
 
 /// One picture to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +34,8 @@ pub struct FrameRequest {
     pub planes: Vec<Plane>,
     /// Parameters of the renderer `igi`.
     pub igi: IgiOptions,
+    /// Pixel shaders that the finished picture goes through, one after the other.
+    pub pixel_shaders: Vec<ShaderUse>,
 }
 
 /// Parameters of Instant Global Illumination.
@@ -100,6 +102,7 @@ impl FrameRequest {
             materials: MaterialOverride::None,
             planes: Vec::new(),
             igi: IgiOptions::default(),
+            pixel_shaders: Vec::new(),
         }
     }
 }

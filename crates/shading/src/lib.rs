@@ -26,6 +26,7 @@ mod lobes;
 mod material;
 pub mod microfacet;
 mod packet;
+pub mod pixel;
 mod placement;
 mod point;
 mod quadric;

@@ -1,6 +1,8 @@
 //! From linear radiance to 8 bits: exposure, a filmic curve, the sRGB encoding.
 
 use crate::color::{luminance, srgb_encode};
+use crate::pixel::{BoundPixelShader, PixelFrame, filmic};
+use crate::surface::LaneMode;
 use glam::Vec3;
 
 /// Linear value that the curve maps to itself: a middle grey card stays a middle grey card.
@@ -26,27 +28,40 @@ pub fn auto_exposure(color: &[Vec3]) -> f32 {
 /// Rows of RGB bytes, sRGB-encoded, after `ev` stops of exposure and the filmic curve.
 pub fn tone_map(color: &[Vec3], ev: f32) -> Vec<u8> {
     let gain = ev.exp2();
-    let byte = |x: f32| (srgb_encode(filmic(x * gain)).clamp(0.0, 1.0) * 255.0).round() as u8;
-    color.iter().flat_map(|c| c.to_array().map(byte)).collect()
+    color.iter().flat_map(|c| c.to_array().map(|x| byte(filmic(x * gain)))).collect()
 }
 
-/// A filmic curve from [0, ∞) to [0, 1): a slight toe, a straight middle, a long shoulder.
-///
-/// # References
-/// Narkowicz, "ACES Filmic Tone Mapping Curve", 2016; scaled so that middle grey is kept.
-fn filmic(x: f32) -> f32 {
-    let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1e6) * 0.718 };
-    ((x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0.0, 1.0)
+/// Rows of RGB bytes, sRGB-encoded, of a picture so many pixels wide after `ev` stops of exposure and a tone curve: a pixel
+/// shader that answers for a display, see [`PixelInfo::for_display`](crate::pixel::PixelInfo::for_display).
+pub fn tone_map_by(curve: &BoundPixelShader, color: &[Vec3], width: u32, ev: f32) -> Vec<u8> {
+    let gain = ev.exp2();
+    let color: Vec<Vec3> = color.iter().map(|&c| c * gain).collect();
+    let width = width.max(1) as usize;
+    let frame = PixelFrame { width, height: color.len() / width, color: &color, depth: &[], normal: &[] };
+    let mut row = vec![Vec3::ZERO; width];
+    let mut bytes = Vec::with_capacity(3 * color.len());
+    for y in 0..frame.height {
+        curve.row(LaneMode::default(), &frame, y, &mut row);
+        bytes.extend(row.iter().flat_map(|c| c.to_array().map(byte)));
+    }
+    bytes
+}
+
+fn byte(shown: f32) -> u8 {
+    (srgb_encode(shown).clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
 #[cfg(test)]
 mod tests {
+    use crate::pixel::PixelRegistry;
+    use heliostat_scene::ShaderUse;
+
     use super::*;
 
     #[test]
     fn the_curve_keeps_middle_grey_and_is_monotonic() {
         assert!((filmic(MIDDLE_GREY) - MIDDLE_GREY).abs() < 2e-3, "{}", filmic(MIDDLE_GREY));
-        assert_eq!(filmic(0.0), 0.0);
+        assert_eq!(filmic(0.0_f32), 0.0);
         assert_eq!(filmic(f32::NAN), 0.0);
         assert!(filmic(f32::INFINITY) <= 1.0);
         let values: Vec<_> = (0..1000).map(|i| filmic(i as f32 * 0.01)).collect();
@@ -65,5 +80,14 @@ mod tests {
         with_background.extend([Vec3::ZERO; 500]);
         assert_eq!(auto_exposure(&with_background), ev);
         assert_eq!(auto_exposure(&[Vec3::splat(f32::NAN)]), 0.0);
+    }
+
+    #[test]
+    fn the_default_curve_is_the_shader_of_its_name() {
+        let picture: Vec<_> = (0..60).map(|i| Vec3::new(i as f32 * 0.03, 0.2, 1e3 / (i as f32))).collect();
+        let filmic = PixelRegistry::built_in().bind(&ShaderUse::named("filmic")).unwrap();
+        assert_eq!(tone_map_by(&filmic, &picture, 20, 1.5), tone_map(&picture, 1.5));
+        let clip = PixelRegistry::built_in().bind(&ShaderUse::named("clip")).unwrap();
+        assert_eq!(tone_map_by(&clip, &[Vec3::new(0.0, 1.0, 9.0)], 1, 0.0), [0, 255, 255]);
     }
 }

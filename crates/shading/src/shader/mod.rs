@@ -20,6 +20,7 @@ use crate::packet::on_lanes;
 use crate::point::Points;
 use crate::surface::LaneMode;
 
+pub(crate) use builtin::cube_helix;
 pub use inputs::{Input, Inputs};
 pub(crate) use registry::Bound;
 pub use registry::{PluginSource, ShaderProblem, ShaderRegistry};

@@ -31,7 +31,7 @@ fn glow<F: Real>(closure: &mut Closure<F>, color: Vector<F>) {
 /// Green, "A Colour Scheme for the Display of Astronomical Intensity Images", 2011, equation 2, with start 0.5,
 /// −1.5 rotations, hue 1 and γ 1; its values are display-encoded and are decoded by IEC 61966-2-1.
 #[inline(always)]
-fn cube_helix<F: Real>(x: F) -> Vector<F> {
+pub(crate) fn cube_helix<F: Real>(x: F) -> Vector<F> {
     const START: f32 = 0.5;
     const ROTATIONS: f32 = -1.5;
     let x = x.clamp(0.0, 1.0);

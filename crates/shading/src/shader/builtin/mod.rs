@@ -16,6 +16,8 @@ mod tests;
 mod toon;
 mod wood;
 
+pub(crate) use false_color::cube_helix;
+
 use super::{Parameter, ShaderInfo, ShaderRegistry};
 use crate::closure::Closure;
 use crate::lanes::{Real, Vector};

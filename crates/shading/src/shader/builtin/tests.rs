@@ -192,3 +192,31 @@ fn relief_bends_normals_by_its_slope() {
         assert!(bent.distance(expected) < 2e-2, "lane {lane}: {bent} instead of {expected}");
     }
 }
+
+/// A face that lies on a border between cubes shows the cubes behind it, however wide the footprint across.
+#[test]
+fn checkers_are_sharp_on_faces_along_their_borders() {
+    let registry = ShaderRegistry::built_in();
+    let program = &registry.programs()["checker"];
+    let inputs = defaults(&program.info().parameters);
+    let [first, second] = [0, 1].map(|i| inputs[i].factor());
+    let mut points = Random::new(3).points();
+    for lane in 0..WIDTH {
+        // The edge of a cube is 0.25: every other lane has the same border from the other side.
+        let side = if lane % 2 == 0 { 1.0 } else { -1.0 };
+        points.object_position.set(lane, Vec3::new(0.25 * (lane / 2) as f32, 0.1, 0.6));
+        points.normal.set(lane, Vec3::X * side);
+        points.width.0[lane] = 0.05;
+        for (axis, to) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().zip(&mut points.object_from_world) {
+            to.set(lane, axis);
+        }
+    }
+    let closures = run(&**program, LaneMode::default(), &points, &inputs);
+    for lane in 0..WIDTH {
+        // Cubes around the middle of this face's cells are odd or even by the cube behind it.
+        let behind = (lane / 2 + lane % 2) % 2 == 1;
+        let expected = if behind { first } else { second };
+        let color = closures.base_color.get(lane);
+        assert!(color.distance(expected) < 2e-3, "lane {lane}: {color} instead of {expected}");
+    }
+}

@@ -1,0 +1,164 @@
+//! Kinds of lights, environments, cameras and pixel shaders in whole renders.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
+
+use glam::{Affine3A, Mat3, Vec3};
+use heliostat_engine::{Engine, EngineOptions};
+use heliostat_scene::{
+    Backend, BackendError, Camera, Edit, Environment, Frame, FrameRequest, Gradient, Image, Light, LightKind,
+    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShaderUse, Sky,
+};
+
+const ALBEDO: f32 = 0.5;
+
+/// A grey floor of 8 m, and what else there is.
+fn floor(light: Option<LightKind>, environment: Environment) -> Engine {
+    let mut scene = SceneBuilder::new();
+    let grey = scene.material(Material::diffuse("grey", Vec3::splat(ALBEDO)));
+    let (corner, across, along) = (Vec3::new(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0);
+    let mesh = scene.mesh(Mesh::quad(corner, across, along));
+    let object = scene.object("floor", [(mesh, grey)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    if let Some(kind) = light {
+        scene.light(Light { name: "lamp".into(), kind });
+    }
+    scene.environment(environment);
+    engine(&scene.finish())
+}
+
+fn engine(edits: &[Edit]) -> Engine {
+    let mut engine = Engine::new(EngineOptions::default()).unwrap();
+    engine.apply(edits, &Progress::new()).unwrap();
+    engine
+}
+
+/// Looks at the middle of the floor, 2 m of it over 32 pixels, from above: +X is right, −Z is up.
+fn from_above(renderer: &str, samples: u32) -> FrameRequest {
+    let mut camera = Camera::look_at("", Vec3::Y * 5.0, Vec3::ZERO, Vec3::NEG_Z, 1.0);
+    camera.projection = Projection::Orthographic { height: 2.0 };
+    FrameRequest { renderer: renderer.into(), samples, ..FrameRequest::new(camera, 32, 32) }
+}
+
+fn render(engine: &mut Engine, request: &FrameRequest) -> Frame {
+    engine.render(request, &Progress::new()).unwrap()
+}
+
+/// Aims down from 2 m above the floor.
+fn down() -> (Vec3, Mat3) {
+    (Vec3::Y * 2.0, Mat3::from_rotation_x(-FRAC_PI_2))
+}
+
+fn profile_light() -> LightKind {
+    let (position, world_from_light) = down();
+    // Ten candela straight down, falling linearly to none at 45 degrees.
+    let profile = Profile {
+        photometry: Photometry::C,
+        polar: vec![0.0, PI / 4.0],
+        azimuth: vec![0.0],
+        intensity: vec![10.0, 0.0],
+    };
+    let (scale, range) = (Vec3::new(1.0, 2.0, 0.5), f32::INFINITY);
+    LightKind::Profile { position, world_from_light, scale, profile: Arc::new(profile), range }
+}
+
+fn projector() -> LightKind {
+    let (position, world_from_light) = down();
+    // White on the left, green on the right; 1.6 m wide and high on the floor.
+    let image = Arc::new(Image::rgba_f32(2, 2, [[1.0; 4], [0.0, 1.0, 0.0, 1.0]].repeat(2).concat()));
+    LightKind::Projector {
+        position,
+        world_from_light,
+        intensity: Vec3::splat(12.0),
+        vertical_fov: 2.0 * 0.4_f32.atan(),
+        image,
+        range: f32::INFINITY,
+    }
+}
+
+#[test]
+fn a_profile_lights_the_floor_by_its_table() {
+    for renderer in ["direct", "path", "igi", "cast"] {
+        let frame = render(&mut floor(Some(profile_light()), Environment::None), &from_above(renderer, 1));
+        for (x, y) in [(16, 16), (4, 16), (28, 5)] {
+            let color = frame.color[y * 32 + x];
+            let at = Vec3::new((x as f32 + 0.5) / 16.0 - 1.0, 0.0, (y as f32 + 0.5) / 16.0 - 1.0);
+            let to_light = Vec3::Y * 2.0 - at;
+            let (distance2, cos) = (to_light.length_squared(), to_light.normalize().y);
+            let candela = 10.0 * (1.0 - cos.acos() / (PI / 4.0)).max(0.0);
+            let expected = ALBEDO / PI * candela * cos / distance2 * Vec3::new(1.0, 2.0, 0.5);
+            // A sample may lie anywhere in its pixel.
+            assert!(color.distance(expected) < 0.08 * expected.length(), "{renderer}: {color}, {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_projector_throws_its_picture() {
+    for renderer in ["direct", "path", "igi", "cast"] {
+        let frame = render(&mut floor(Some(projector()), Environment::None), &from_above(renderer, 1));
+        let at = |x: usize, y: usize| frame.color[y * 32 + x];
+        // Even all over: 12 / 2² W/m² times albedo over π.
+        let even = ALBEDO / PI * 3.0;
+        for (x, y) in [(5, 16), (6, 5), (5, 27)] {
+            assert!(at(x, y).distance(Vec3::splat(even)) < 0.01 * even, "{renderer}: {}", at(x, y));
+        }
+        assert!(at(26, 16).distance(Vec3::Y * even) < 0.01 * even, "{renderer}: {}", at(26, 16));
+        assert_eq!((at(1, 16), at(16, 1)), (Vec3::ZERO, Vec3::ZERO), "{renderer}: beside the picture");
+    }
+}
+
+#[test]
+fn a_gradient_lights_the_floor_in_closed_form() {
+    let (zenith, horizon) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, 0.4, 0.1));
+    let environment = Environment::Gradient(Gradient { zenith, horizon, nadir: Vec3::ONE });
+    // ∫ (h + (z − h) sin e) cos θ dω over the upper half is π (h + 2/3 (z − h)).
+    let expected = ALBEDO * horizon.lerp(zenith, 2.0 / 3.0);
+    let frame = render(&mut floor(None, environment), &from_above("path", 64));
+    let mean = frame.color.iter().sum::<Vec3>() / frame.color.len() as f32;
+    assert!((mean / expected - 1.0).abs().max_element() < 5e-3, "{mean} instead of {expected}");
+}
+
+#[test]
+fn the_sun_of_a_sky_lights_and_is_seen() {
+    // Straight above: a mirror-like path is not needed, the floor's irradiance is sun plus sky.
+    let sky = Sky::new(2.5, FRAC_PI_2, 0.0);
+    let radiance = |sky: Sky, samples| {
+        let frame = render(&mut floor(None, Environment::Sky(sky)), &from_above("path", samples));
+        frame.color.iter().sum::<Vec3>() / frame.color.len() as f32
+    };
+    let (with, without) = (radiance(sky, 32), radiance(Sky { sun: false, ..sky }, 32));
+    // 133 klx above the air lose a fifth or so on the way through it.
+    let sun = (with - without) * PI / ALBEDO;
+    assert!((90.0..125.0).contains(&sun.y) && sun.x > sun.z, "{sun}");
+    // A camera that looks up sees a disk of its size: 0.2667 degrees in radius.
+    let camera = Camera::look_at("", Vec3::Y, Vec3::Y * 2.0, Vec3::Z, 1.0_f32.to_radians());
+    let request = FrameRequest { samples: 4, ..FrameRequest::new(camera, 64, 64) };
+    let frame = render(&mut floor(None, Environment::Sky(sky)), &request);
+    let seen = frame.color.iter().filter(|color| color.y > 1e5).count() as f32;
+    let expected = PI * (0.2667_f32 * 64.0).powi(2);
+    assert!((seen / expected - 1.0).abs() < 0.12, "{seen} pixels instead of {expected}");
+}
+
+#[test]
+fn pixel_shaders_change_the_picture_and_leave_the_planes() {
+    let mut engine = floor(Some(projector()), Environment::None);
+    let plain = from_above("direct", 1);
+    let named = |name: &str| ShaderUse::named(name);
+    let shaded = |engine: &mut Engine, shaders: Vec<ShaderUse>, planes: Vec<Plane>| {
+        render(engine, &FrameRequest { pixel_shaders: shaders, planes, ..plain.clone() })
+    };
+    let before = render(&mut engine, &plain);
+    let brighter = shaded(&mut engine, vec![named("exposure"), named("exposure")], Vec::new());
+    let close = |(a, b): (&Vec3, &Vec3)| a.distance(*b * 4.0) <= 1e-6 * a.length();
+    assert!(brighter.color.iter().zip(&before.color).all(close));
+    // Edges look at planes that nobody asked for, or that somebody did.
+    let lines = shaded(&mut engine, vec![named("edges").with("paper", 1.0)], Vec::new());
+    assert!(lines.planes.is_empty() && lines.color.iter().all(|&color| color == Vec3::ONE));
+    let lines = shaded(&mut engine, vec![named("edges")], vec![Plane::Albedo, Plane::Depth]);
+    let kinds: Vec<Plane> = lines.planes.iter().map(|data| data.plane).collect();
+    assert_eq!((kinds, lines.color), (vec![Plane::Albedo, Plane::Depth], before.color));
+    let unknown = FrameRequest { pixel_shaders: vec![named("sepia")], ..plain.clone() };
+    let refused = engine.render(&unknown, &Progress::new());
+    assert!(matches!(refused, Err(BackendError::Request(text)) if text.contains("`sepia`")));
+}
