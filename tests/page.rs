@@ -91,6 +91,19 @@ fn a_user_looks_around_picks_changes_plays_and_switches() {
     }
     tab.wait("heliostat.state.scene.undo === null");
 
+    // Saving, and recording what happens.
+    for id in ["save-png", "save-exr", "save-replay"] {
+        tab.value(&format!("document.getElementById('{id}').click()"));
+    }
+    tab.wait("document.getElementById('messages').textContent.includes('saved cornell.replay.json')");
+    tab.value("document.getElementById('record').click()");
+    tab.wait("heliostat.state.scene.recording");
+    tab.drag(on_page(&tab, 0.5, 0.9), on_page(&tab, 0.52, 0.9));
+    tab.value("document.getElementById('record').click()");
+    tab.wait("!heliostat.state.scene.recording");
+    let keys = tab.value("fetch('/replay.json').then(r => r.json()).then(r => r.keys.length)");
+    assert!(keys.as_u64() >= Some(2), "{keys} views recorded");
+
     // Other renderers and planes.
     for (id, value, check) in [
         ("renderer", "direct", "heliostat.state.scene.renderer === 'direct'"),
@@ -211,5 +224,7 @@ fn the_atrium_by_evening_greets_new_users() {
     tab.value("(() => { const t = document.getElementById('time'); t.value = 3.5; t.dispatchEvent(new Event('input')); })()");
     tab.value("(() => { const l = document.getElementById('light'); l.value = l.options[1].value; l.dispatchEvent(new Event('input')); })()");
     tab.wait("heliostat.header.still && heliostat.header.frames >= 6 && heliostat.state.scene.selection?.type === 'light'");
+    // How fast it is depends on the machine that runs this test.
+    tab.value("document.getElementById('overlay').hidden = true");
     tab.screenshot("15-readme");
 }

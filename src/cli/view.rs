@@ -96,8 +96,9 @@ fn serve(common: &Common, options: &ServeOptions) -> Result<(), Failure> {
     input::check(&common.scene)?;
     let host = Arc::new(CliHost { allow_plugins: common.allow_plugins });
     let server = Server::start(host, Source::Named(common.scene.clone()), options).map_err(|refusal| {
-        Failure::new(refusal.0)
-            .with_help("another program may use the port; choose one with --listen 127.0.0.1:PORT")
+        Failure::new(refusal.0).with_help(
+            "another program may use the port; `heliostat serve --listen 127.0.0.1:PORT` takes another one",
+        )
     })?;
     console::message(&format!("showing {}; open this address in a browser, end with Ctrl-C:", common.scene));
     console::result(server.url())?;

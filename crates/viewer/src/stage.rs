@@ -260,7 +260,8 @@ impl Stage {
             (Phase::Move, Hand::Handle { drag, what }) => self.pull(&drag, what, at),
             (Phase::Up, Hand::Pressed { button, .. }) => {
                 self.hand = Hand::Free;
-                if button == Button::Turn { self.select_at(at) } else { Ok(Effect::NONE) }
+                let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(Vec2::ONE).all();
+                if button == Button::Turn && inside { self.select_at(at) } else { Ok(Effect::NONE) }
             }
             (Phase::Up, _) => {
                 self.hand = Hand::Free;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-use heliostat_scene::{BackendError, Camera, Frame, IgiOptions, Progress};
+use heliostat_scene::{BackendError, Frame, FrameRequest, Progress};
 use heliostat_shading::tone;
 
 use crate::document::Refusal;
@@ -350,7 +350,10 @@ impl Worker {
         let scale = if still { 1.0 } else { self.governor.scale(stage.goal) };
         // Moving pictures all have the same noise: it does not boil.
         let number = if still { self.refinement.frames() } else { 0 };
-        let request = stage.request(scale, number);
+        let mut request = stage.request(scale, number);
+        if !still {
+            request.igi.paths = self.governor.paths(stage.goal, request.igi.paths);
+        }
         let progress = Arc::new(Progress::new());
         // Whatever input stops a better picture makes a moving one, which nothing stops: there is always something to see.
         self.shared.give_way(still.then(|| progress.clone()));
@@ -366,7 +369,7 @@ impl Worker {
                 for text in std::mem::take(&mut frame.problems) {
                     self.tell(false, text);
                 }
-                self.finish(frame, &request.camera, scale, still);
+                self.finish(frame, &request, scale, still);
             }
             Err(BackendError::Cancelled) => {}
             Err(error) => {
@@ -378,8 +381,9 @@ impl Worker {
     }
 
     /// Tone maps a frame and shows it.
-    fn finish(&mut self, mut frame: Frame, camera: &Camera, scale: f32, still: bool) {
+    fn finish(&mut self, mut frame: Frame, request: &FrameRequest, scale: f32, still: bool) {
         let Some(stage) = &mut self.stage else { return };
+        let (camera, igi) = (&request.camera, &request.igi);
         let start = Instant::now();
         let mut stats = self.meter.shown(&frame, self.options.threads);
         if still {
@@ -397,7 +401,6 @@ impl Worker {
         stats.tone = start.elapsed().as_secs_f64() * 1e3;
         stats.scale = scale;
         if stage.renderer == "igi" {
-            let igi = IgiOptions::default();
             stats.light_paths = igi.paths * igi.interleave[0] * igi.interleave[1];
         }
         self.pictures += 1;

@@ -1,6 +1,6 @@
 //! Who may talk to the server: pages that it served itself, and, from other machines, those who know the token.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 
 use axum::http::{HeaderMap, header};
 
@@ -21,8 +21,13 @@ impl Access {
         Ok(Self { token })
     }
 
-    /// The page's address.
-    pub(super) fn url(&self, address: SocketAddr) -> String {
+    /// The page's address, as far as possible one that other machines can use.
+    pub(super) fn url(&self, mut address: SocketAddr) -> String {
+        if address.ip().is_unspecified()
+            && let Some(ip) = own_address()
+        {
+            address.set_ip(ip);
+        }
         match &self.token {
             None => format!("http://{address}/"),
             Some(token) => format!("http://{address}/?token={token}"),
@@ -50,6 +55,14 @@ impl Access {
             }
         }
     }
+}
+
+/// The address by which this machine speaks to others; nothing is sent to find it out.
+fn own_address() -> Option<IpAddr> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    // An address for documentation, which leads nowhere: it serves to choose a network interface.
+    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
+    socket.local_addr().ok().map(|address| address.ip()).filter(|ip| !ip.is_unspecified())
 }
 
 /// Whether a `Host` header names this machine, on whatever port: tunnels change it.

@@ -98,6 +98,9 @@ pub(super) async fn run(app: Arc<App>, mut socket: WebSocket) {
     if let Err(End::Because(code, reason)) = end {
         _ = tokio::time::timeout(Duration::from_secs(1), connection.socket.send(close(code, reason))).await;
     }
+    if locked(&app.viewers).is_holder(id) {
+        app.let_go();
+    }
     app.with_viewers(|viewers| viewers.leave(id));
 }
 
@@ -188,10 +191,11 @@ impl Connection {
         if incoming.ask {
             self.app.with_viewers(|viewers| viewers.ask(self.id));
         }
-        if let Some(to) = incoming.give
-            && !self.app.with_viewers(|viewers| viewers.give(self.id, to))
-        {
-            return self.complain("the controls are not yours to give, or there is no such viewer").await;
+        if let Some(to) = incoming.give {
+            if !self.app.with_viewers(|viewers| viewers.give(self.id, to)) {
+                return self.complain("the controls are not yours to give, or there is no such viewer").await;
+            }
+            self.app.let_go();
         }
         let Some(input) = incoming.input else { return Ok(()) };
         if !locked(&self.app.viewers).is_holder(self.id) {

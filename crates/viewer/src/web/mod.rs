@@ -26,6 +26,7 @@ use tokio::sync::{oneshot, watch};
 
 use crate::document::Refusal;
 use crate::host::{Host, Source};
+use crate::input::{Button, Input, Phase};
 use crate::session::{Session, SessionOptions, locked};
 use access::Access;
 use encode::Encoder;
@@ -325,6 +326,16 @@ async fn upload(
 }
 
 impl App {
+    /// Lets go of whatever the one who held the controls was still holding: keys and the pointer.
+    fn let_go(&self) {
+        let still = Input::Drive { way: [0.0; 3], hurry: false };
+        let up = Input::Pointer { phase: Phase::Up, at: [-1.0; 2], button: Button::Pan };
+        for input in [up, still] {
+            // With too many inputs waiting the session is not moving anyway.
+            _ = self.session.input(self.next_input(), input);
+        }
+    }
+
     /// A number for the next input.
     fn next_input(&self) -> u64 {
         self.inputs.fetch_add(1, Ordering::SeqCst) + 1
