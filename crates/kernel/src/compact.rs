@@ -168,9 +168,10 @@ impl CompactBlock {
     fn decode<'a>(&self, meshes: &[Mesh], starts: &[u32], place: &'a mut Option<Block>) -> &'a Block {
         let block = place.insert(Block::EMPTY);
         let mut corners = [[Vec3::ZERO; WIDTH]; 3];
-        for (lane, &id) in self.0.iter().enumerate() {
+        for (lane, &id) in self.0.iter().enumerate().filter(|(_, id)| **id != Block::NO_TRIANGLE) {
+            // Lanes without a triangle come last; one that is hidden is a point, as in a full block.
+            block.triangle[lane] = id & !Self::HIDDEN;
             if id & Self::HIDDEN == 0 {
-                block.triangle[lane] = id;
                 let (mesh, triangle) = locate(starts, id);
                 let Mesh { positions, indices, .. } = &meshes[mesh];
                 for (corner, index) in corners.iter_mut().zip(indices[triangle]) {

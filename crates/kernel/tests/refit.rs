@@ -210,3 +210,32 @@ fn repairs_keep_triangles_that_are_gone_for_now() {
         );
     }
 }
+
+#[test]
+fn beside_a_collapsed_triangle_all_others_stay() {
+    let corner = |i: u32| {
+        Vec3::new((i / 3) as f32 + [0.0, 0.8, 0.0][i as usize % 3], [0.0, 0.0, 0.8][i as usize % 3], 0.0)
+    };
+    let indices: Vec<[u32; 3]> = (0..8).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let whole = Mesh::new((0..24).map(corner).collect::<Vec<_>>(), indices);
+    for options in all_builders() {
+        for gone in 0..8 {
+            let mut tree = build(std::slice::from_ref(&whole), &options);
+            let flat = moved(&whole, |i, p| if i / 3 == gone { corner(3 * gone as u32) } else { p });
+            tree.refit(&[flat]).expect("the same topology");
+            let world = World::new(object(tree));
+            for other in 0..8 {
+                // So many that they stay together in a packet.
+                let ray = |i: usize| {
+                    let place = Vec3::new(other as f32 + 0.2 + 0.01 * i as f32, 0.2, 1.0);
+                    Ray::new(place, Vec3::new(0.001, 0.001, -1.0))
+                };
+                let rays: Vec<Ray> = (0..16).map(ray).collect();
+                let mut hits = vec![Hit::MISS; rays.len()];
+                world.intersect(&rays, &mut hits);
+                let expected = if other == gone { u32::MAX } else { other as u32 };
+                assert!(hits.iter().all(|hit| hit.primitive == expected), "{gone} {other} {options:?}");
+            }
+        }
+    }
+}
