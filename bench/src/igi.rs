@@ -11,8 +11,8 @@ use heliostat::scene::{Backend, Camera, Frame, FrameRequest, IgiOptions, Progres
 use crate::measure::median;
 use crate::result;
 
-/// Most light paths of the ancestor that are tried for the error of a frame.
-const MOST_PATHS: u32 = 4096;
+/// How many times as long as a frame the ancestor may take for the same error before it is given up.
+const MOST_TIMES: f64 = 30.0;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         let _ = writeln!(tables, "|---|---:|---:|---:|---:|---:|");
         let mut one = None;
         for contender in contenders() {
-            let row = bench.measure(&contender)?;
+            let row = bench.measure(&contender, arguments.runs)?;
             let [a, b] = [row.error.mean_a, row.error.mean_b].map(|mean| mean.iter().sum::<f64>());
             let _ = writeln!(
                 tables,
@@ -143,14 +143,12 @@ impl<'a> Bench<'a> {
         self.engine.render(&request, &Progress::new()).map_err(|error| error.to_string())
     }
 
-    fn measure(&mut self, contender: &Contender) -> Result<Row, String> {
-        let mut times = Vec::new();
+    /// The median of so many frames.
+    fn measure(&mut self, contender: &Contender, runs: u32) -> Result<Row, String> {
         let mut frame = self.render(contender, 0)?;
-        for _ in 0..self.arguments.runs {
+        let mut times = vec![frame.stats.milliseconds];
+        for _ in 1..runs {
             frame = self.render(contender, 0)?;
-            times.push(frame.stats.milliseconds);
-        }
-        if times.is_empty() {
             times.push(frame.stats.milliseconds);
         }
         let error = compare(&picture(&frame), &self.reference).map_err(|error| error.to_string())?;
@@ -165,7 +163,7 @@ impl<'a> Bench<'a> {
         loop {
             let igi = IgiOptions { paths, ..IgiOptions::default() };
             let ancestor = Contender { name: String::new(), renderer: "instant-radiosity", samples: 1, igi };
-            let row = self.measure(&ancestor)?;
+            let row = self.measure(&ancestor, 1)?;
             let ratio = row.milliseconds / milliseconds;
             if row.error.relmse <= error {
                 return Ok(format!(
@@ -173,7 +171,7 @@ impl<'a> Bench<'a> {
                     row.milliseconds
                 ));
             }
-            if paths >= MOST_PATHS {
+            if ratio > MOST_TIMES || paths > 1 << 14 {
                 return Ok(format!(
                     "`instant-radiosity` with {paths} paths takes {ratio:.1} times as long and still has a relMSE of {:.4}.",
                     row.error.relmse
