@@ -150,7 +150,7 @@ fn motions_start_at_rest_and_stay_inside() {
             assert!(now.min.cmpge(bounds.min).all() && now.max.cmple(bounds.max).all(), "{name}: {now:?}");
         }
     }
-    assert_eq!(moving, 2);
+    assert_eq!(moving, 3);
 }
 
 #[test]
