@@ -226,5 +226,5 @@ fn the_atrium_by_evening_greets_new_users() {
     tab.wait("heliostat.header.still && heliostat.header.frames >= 6 && heliostat.state.scene.selection?.type === 'light'");
     // How fast it is depends on the machine that runs this test.
     tab.value("document.getElementById('overlay').hidden = true");
-    tab.screenshot("15-readme");
+    tab.save("15-readme.jpg", json!({"format": "jpeg", "quality": 85}));
 }

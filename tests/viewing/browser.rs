@@ -201,10 +201,15 @@ impl Tab<'_> {
 
     /// Writes what is seen to a file beside the other products of the tests, to be looked at.
     pub(crate) fn screenshot(&self, name: &str) {
-        let picture = self.call("Page.captureScreenshot", json!({"format": "png"}));
+        self.save(&format!("{name}.png"), json!({"format": "png"}));
+    }
+
+    /// The same in a form of choice.
+    pub(crate) fn save(&self, file: &str, form: Value) {
+        let picture = self.call("Page.captureScreenshot", form);
         let bytes = super::base64(picture["data"].as_str().expect("a picture"));
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("screenshots");
         std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(folder.join(format!("{name}.png")), bytes).expect("a file");
+        std::fs::write(folder.join(file), bytes).expect("a file");
     }
 }
