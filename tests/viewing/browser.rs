@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -19,7 +20,11 @@ pub(crate) struct Browser {
     profile: PathBuf,
     socket: RefCell<WebSocket<MaybeTlsStream<TcpStream>>>,
     next: Cell<u64>,
+    _alone: MutexGuard<'static, ()>,
 }
+
+/// One browser at a time: several starve each other on small machines until pages lose their places.
+static ALONE: Mutex<()> = Mutex::new(());
 
 /// A tab of a browser.
 pub(crate) struct Tab<'a> {
@@ -55,6 +60,7 @@ pub(crate) fn chromium() -> Option<PathBuf> {
 impl Browser {
     /// Starts a browser with a profile of its own.
     pub(crate) fn start(program: &Path, name: &str) -> Self {
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let profile =
             Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{name}-{}", std::process::id()));
         _ = std::fs::remove_dir_all(&profile);
@@ -73,7 +79,7 @@ impl Browser {
         // Whatever else it has to say must not fill the pipe.
         std::thread::spawn(move || lines.for_each(drop));
         let (socket, _) = tungstenite::connect(url).expect("a connection to the browser");
-        Self { process, profile, socket: RefCell::new(socket), next: Cell::new(0) }
+        Self { process, profile, socket: RefCell::new(socket), next: Cell::new(0), _alone: alone }
     }
 
     fn call(&self, session: Option<&str>, method: &str, parameters: Value) -> Value {
