@@ -100,6 +100,12 @@ pub(super) struct Arguments {
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]
     no_compensation: bool,
+    /// Trace every light path of `igi` as it comes, rather than draw eight times as many and keep what matters to the camera
+    #[arg(long)]
+    no_importance: bool,
+    /// Let the frames of an animation by `igi` go on from each other: light is averaged over frames
+    #[arg(long)]
+    accumulate: bool,
     /// Photons that bring the light which mirrors and glass throw on other surfaces, for `igi`; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1 << 20))]
     photons: u32,
@@ -437,6 +443,8 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             filter: !arguments.no_filter,
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
+            importance: !arguments.no_importance,
+            accumulate: arguments.accumulate,
             photons: arguments.photons,
         },
         pixel_shaders: arguments.pixel.clone(),

@@ -1,11 +1,10 @@
 //! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use glam::Vec3;
 use heliostat_kernel::{Isa, RayQuery};
 use heliostat_scene::{
     ApplyReport, Backend, BackendError, Edit, Filter, Frame, FrameRequest, FrameStats, IgiOptions,
@@ -13,10 +12,11 @@ use heliostat_scene::{
 };
 use heliostat_shading::pixel::PixelRegistry;
 use heliostat_shading::{CameraRays, LaneMode, PixelFilter, ShaderRegistry};
-use heliostat_transport::{Gathered, IgiFrame, IgiSettings, Integrator, PixelSum, Region, Settings, View};
+use heliostat_transport::{History, Integrator, PixelSum, Region, Settings, View};
 
 use crate::compile::{Compiled, Refused};
 use crate::film::Film;
+use crate::igi;
 use crate::meter::Metered;
 use crate::post;
 use crate::queue::work_through;
@@ -70,6 +70,8 @@ pub struct Engine {
     pixel_shaders: PixelRegistry,
     threads: NonZeroUsize,
     pool: rayon::ThreadPool,
+    /// What the frame before has seen, if frames are to go on from each other.
+    history: Option<History>,
 }
 
 impl std::fmt::Debug for Engine {
@@ -104,7 +106,16 @@ impl Engine {
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
         let compiled = Compiled::new(&options, shaders.clone());
         let pixel_shaders = PixelRegistry::built_in();
-        Ok(Self { scene: Scene::default(), compiled, options, shaders, pixel_shaders, threads, pool })
+        Ok(Self {
+            scene: Scene::default(),
+            compiled,
+            options,
+            shaders,
+            pixel_shaders,
+            threads,
+            pool,
+            history: None,
+        })
     }
 
     /// Replaces the pixel shaders that requests may name; the default is those that come with the engine.
@@ -142,6 +153,7 @@ impl Engine {
         request: &FrameRequest,
         renderer: Renderer,
         film: &Film,
+        history: &mut Option<History>,
         progress: &Progress,
     ) -> Result<FrameStats, BackendError> {
         let start = Instant::now();
@@ -163,10 +175,18 @@ impl Engine {
             Renderer::ByRegion(integrator) => {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
-            Renderer::Igi => self.render_igi(&view, &settings, &request.igi, film, progress)?,
+            Renderer::Igi => {
+                igi::render(self.threads, &view, &settings, (&request.igi, film, progress), history)?
+            }
             Renderer::InstantRadiosity => {
-                let alone = IgiOptions { interleave: [1, 1], filter: false, ..request.igi };
-                self.render_igi(&view, &settings, &alone, film, progress)?
+                let alone = IgiOptions {
+                    interleave: [1, 1],
+                    filter: false,
+                    importance: false,
+                    accumulate: false,
+                    ..request.igi
+                };
+                igi::render(self.threads, &view, &settings, (&alone, film, progress), &mut None)?
             }
         };
         if progress.is_cancelled() {
@@ -197,65 +217,6 @@ impl Engine {
         })?;
         Ok(rays.into_inner())
     }
-
-    /// Regions first, then, when all neighbours are there, the filter row by row.
-    fn render_igi(
-        &self,
-        view: &View<'_, Metered<'_>>,
-        settings: &Settings,
-        options: &IgiOptions,
-        film: &Film,
-        progress: &Progress,
-    ) -> Result<u64, BackendError> {
-        let igi = IgiSettings {
-            paths: options.paths,
-            interleave: options.interleave,
-            filter: options.filter,
-            clamp: options.clamp,
-            compensate: options.compensate,
-            photons: options.photons,
-        };
-        let mut frame = IgiFrame::new(view, settings, igi);
-        let size = film.size();
-        let regions = frame.regions(size.0, size.1);
-        progress.start(regions.len() as u64 * u64::from(settings.samples));
-        let rays = AtomicU64::new(0);
-        let stop = || progress.is_cancelled();
-        let mut picture = vec![Gathered::default(); size.0 as usize * size.1 as usize];
-        let sums: Vec<_> =
-            regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
-        let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
-        for pass in 0..settings.samples {
-            rays.fetch_add(frame.start(pass), Ordering::Relaxed);
-            let shared = Mutex::new(&mut picture);
-            work_through(self.threads, regions.len(), &stop, &|index| {
-                let region = &regions[index];
-                let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
-                rays.fetch_add(traced, Ordering::Relaxed);
-                let mut picture = locked(&shared);
-                for ((x, y), pixel) in region.pixels().zip(gathered) {
-                    picture[y as usize * size.0 as usize + x as usize] = pixel;
-                }
-                progress.advance(1);
-            })?;
-            work_through(self.threads, rows.len(), &stop, &|y| {
-                let light = frame.row(&picture, size, y as u32);
-                locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
-            })?;
-        }
-        for (region, sums) in regions.iter().zip(&sums) {
-            film.store(region, &locked(sums));
-        }
-        for (y, row) in (0..).zip(&rows) {
-            film.add_row(y, &locked(row));
-        }
-        Ok(rays.into_inner())
-    }
-}
-
-/// What a lock holds; a thread that panicked while it held the lock left whole pixels behind.
-fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
-    lock.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 /// Counts a sample of a region and says whether to go on.
@@ -291,6 +252,9 @@ impl Renderer {
 impl Backend for Engine {
     fn apply(&mut self, edits: &[Edit], progress: &Progress) -> Result<ApplyReport, BackendError> {
         let start = Instant::now();
+        if let Some(history) = self.history.as_mut().filter(|_| !edits.is_empty()) {
+            history.distrust();
+        }
         let applied = self.scene.apply(edits)?;
         let result = self.pool.install(|| self.compiled.update(&self.scene, edits, &applied, progress));
         let error = match result {
@@ -323,7 +287,10 @@ impl Backend for Engine {
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
         let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
         let film = Film::new(request, &post::planes(request, &pixel_shaders));
-        let stats = self.render_frame(request, renderer, &film, progress)?;
+        let mut history = self.history.take();
+        let stats = self.render_frame(request, renderer, &film, &mut history, progress);
+        self.history = history;
+        let stats = stats?;
         let mut frame = film.finish();
         self.pool.install(|| post::shade(&mut frame, &pixel_shaders, self.options.lanes));
         frame.planes.truncate(request.planes.len());

@@ -25,6 +25,7 @@
 mod compile;
 mod engine;
 mod film;
+mod igi;
 mod meter;
 mod post;
 mod queue;

@@ -51,6 +51,11 @@ pub struct IgiOptions {
     pub clamp: f32,
     /// Whether short rays give back the light that `clamp` takes away.
     pub compensate: bool,
+    /// Whether eight times as many light paths are drawn and as many virtual point lights kept as matter most to the camera.
+    pub importance: bool,
+    /// Whether the frame goes on from the one before, if that had the same size and asked for this too: light is averaged
+    /// over the frames that have seen a point, and after an edit over two of them at most.
+    pub accumulate: bool,
     /// Photons of each pass, which bring the light that mirrors and glass throw on other surfaces; at most 2^20, none at 0.
     pub photons: u32,
 }
@@ -58,7 +63,16 @@ pub struct IgiOptions {
 impl Default for IgiOptions {
     /// 3×3 sets of 8 paths, filtered, bounded at eight times the typical irradiance, with the rest given back; 20,000 photons.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true, photons: 20_000 }
+        Self {
+            paths: 8,
+            interleave: [3, 3],
+            filter: true,
+            clamp: 8.0,
+            compensate: true,
+            importance: true,
+            accumulate: false,
+            photons: 20_000,
+        }
     }
 }
 

@@ -130,9 +130,29 @@ impl CameraRays {
         self.camera.lens.map_or(0.0, |lens| lens.radius)
     }
 
+    /// Columns and rows of one eye's picture.
+    pub fn size(&self) -> Vec2 {
+        self.size
+    }
+
     /// Where the camera stands when the shutter opens, world space: between its eyes.
     pub fn position(&self) -> Vec3 {
         self.world_from_camera.translation.into()
+    }
+
+    /// Where in the picture (pixels, from the top left corner) a point is seen, sharply and when the shutter opens; maybe
+    /// outside of its edges. `None` if it lies behind the camera, or if the camera is not a single perspective one.
+    pub fn project(&self, point: Vec3) -> Option<Vec2> {
+        let Projection::Perspective { .. } = self.camera.projection else { return None };
+        let way = point - self.position();
+        let axis = |axis: glam::Vec3A| Vec3::from(axis).dot(way);
+        let axes = self.world_from_camera.matrix3;
+        let depth = -axis(axes.z_axis);
+        if depth <= 0.0 || self.camera.stereo.is_some() {
+            return None;
+        }
+        let heights = Vec2::new(axis(axes.x_axis), -axis(axes.y_axis)) / (depth * self.scale);
+        Some(0.5 * self.size + heights * self.size.y)
     }
 
     /// The footprint of a pixel at the start of its ray; the same for all.

@@ -56,6 +56,14 @@ pub struct EmittedRay {
 }
 
 impl Lights {
+    /// All lights without area as sources of their whole light.
+    pub fn without_area(&self) -> impl Iterator<Item = Source> {
+        (0..self.len()).filter_map(|index| match self.emitter(index) {
+            Emitter::Light(kind, _) => Some(Source::Light { kind: kind.clone(), factor: 1.0 }),
+            _ => None,
+        })
+    }
+
     /// Sends light from one emitter, chosen with `probability`: the source, and a ray that carries on its flux, if the
     /// emitter sends any into the scene. `u` are six sample points: three for the place, two for the direction.
     pub(crate) fn emit(

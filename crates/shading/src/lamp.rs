@@ -245,7 +245,7 @@ mod tests {
         scene.relight([light].iter(), Arc::default(), bounds);
         let rays = (0..n * n).map(|i| {
             let [u, v, ..] = crate::Sampler::along(i as u32, 0).set(0);
-            let (source, ray) = scene.emit([0.5, 0.0, 0.0, 0.0, u, v]).expect("light");
+            let (source, ray) = scene.emit((0, 1.0), [0.0, 0.0, 0.0, u, v]).expect("light");
             assert!(matches!(source, Source::Light { .. }));
             ray.expect("a ray")
         });

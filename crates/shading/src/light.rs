@@ -5,6 +5,7 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
+use heliostat_kernel::Aabb;
 use heliostat_scene::{Geometry, Light, LightKind, SceneBounds};
 
 use crate::color::luminance;
@@ -12,6 +13,7 @@ use fearless_simd::{Level, Simd};
 
 use crate::environment::EnvironmentLight;
 use crate::lamp::{Directions, same_table, table};
+use crate::lamps::Lamps;
 use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::material::SurfaceMaterial;
 use crate::packet::{Illumination, on_lanes};
@@ -31,6 +33,7 @@ pub struct Lights {
     areas: HashMap<(u32, u32), u32>,
     environment: Arc<EnvironmentLight>,
     environment_index: Option<u32>,
+    lamps: Arc<Lamps>,
 }
 
 #[derive(Clone, Debug)]
@@ -116,9 +119,15 @@ impl Lights {
         let cross_section = bounds.map_or(1.0, |b| PI * b.radius().powi(2)).max(1e-6);
         let mut emitters = Vec::new();
         let mut powers = Vec::new();
+        let mut lamps = Lamps::default();
         for light in lights {
             let directions = before.directions(&light.kind).or_else(|| Directions::new(&light.kind));
-            powers.push(power(&light.kind, directions.as_deref(), cross_section));
+            let power = power(&light.kind, directions.as_deref(), cross_section);
+            match position(&light.kind) {
+                Some(at) => lamps.push(Aabb { min: at, max: at }, power),
+                None => lamps.push_everywhere(power / cross_section),
+            }
+            powers.push(power);
             emitters.push(Emitter::Light(light.kind.clone(), directions));
         }
         let mut areas = HashMap::new();
@@ -131,12 +140,15 @@ impl Lights {
             let area_scale = placement.world_from_object.matrix3.determinant().abs().powf(2.0 / 3.0);
             let sides = if material.source().double_sided { 2.0 } else { 1.0 };
             areas.insert((index, part_index), emitters.len() as u32);
-            powers.push(triangles.total() * area_scale * sides * PI);
+            let power = triangles.total() * area_scale * sides * PI;
+            lamps.push(part.bounds.transformed(&placement.world_from_object), power);
+            powers.push(power);
             let triangles = triangles.clone();
             emitters.push(Emitter::Area(AreaEmitter { placement: index, part: part_index, triangles }));
         }
         let environment_power = luminance(environment.mean()) * 4.0 * PI * cross_section;
         let environment_index = (environment_power > 0.0).then(|| {
+            lamps.push_everywhere(environment_power / cross_section);
             powers.push(environment_power);
             emitters.push(Emitter::Environment);
             emitters.len() as u32 - 1
@@ -144,7 +156,7 @@ impl Lights {
         let total: f32 = powers.iter().filter(|p| p.is_finite()).sum();
         let even = total.max(f32::MIN_POSITIVE) / powers.len().max(1) as f32;
         let choice = Discrete::new(powers.iter().map(|&p| if p > 0.0 { p + even } else { 0.0 }));
-        Self { emitters, choice, areas, environment, environment_index }
+        Self { emitters, choice, areas, environment, environment_index, lamps: Arc::new(lamps) }
     }
 
     /// What was prepared for a light of the same table.
@@ -163,6 +175,16 @@ impl Lights {
     /// Whether there is no light.
     pub fn is_empty(&self) -> bool {
         self.emitters.is_empty()
+    }
+
+    /// About where all emitters are, for choosing among many.
+    pub fn lamps(&self) -> &Lamps {
+        &self.lamps
+    }
+
+    /// Probability with which [`Self::choose`] picks an emitter.
+    pub fn probability(&self, emitter: usize) -> f32 {
+        self.choice.probability(emitter)
     }
 
     /// Chooses an emitter: its index, its probability, and `u` rescaled.
@@ -313,6 +335,17 @@ fn primitive_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete 
             let mean = luminance(material.mean_emission());
             Discrete::new(quadrics.shapes.iter().map(|shape| quadric::area(shape) * (mean + floor)))
         }
+    }
+}
+
+/// Where a light without area is; `None` if it is infinitely far away or shines alike at any distance.
+fn position(kind: &LightKind) -> Option<Vec3> {
+    match *kind {
+        LightKind::Point { position, .. }
+        | LightKind::Spot { position, .. }
+        | LightKind::Profile { position, .. }
+        | LightKind::Projector { position, .. } => Some(position),
+        LightKind::Directional { .. } | LightKind::ConstantPoint { .. } => None,
     }
 }
 

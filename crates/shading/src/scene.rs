@@ -268,11 +268,10 @@ impl ShadingScene {
         self.lights.illuminate(self.tables(), emitter, surfaces, along, count, out);
     }
 
-    /// Chooses an emitter and sends light from it: the source, and a ray that carries its flux on, if it sends any into the
-    /// scene. `u` are six sample points in [0, 1): the choice, three for the place, two for the direction.
-    pub fn emit(&self, u: [f32; 6]) -> Option<(Source, Option<EmittedRay>)> {
-        let [u_choice, rest @ ..] = u;
-        let (emitter, probability, _) = self.lights.choose(u_choice)?;
-        self.lights.emit(self.tables(), (emitter, probability), rest, self.bounds)
+    /// Sends light from an emitter that was chosen with a probability: the point that it leaves, and a ray that carries on
+    /// its flux, if the emitter sends any into the scene. `u` are five sample points in [0, 1): three for the place, two for
+    /// the direction.
+    pub fn emit(&self, chosen: (usize, f32), u: [f32; 5]) -> Option<(Source, Option<EmittedRay>)> {
+        self.lights.emit(self.tables(), chosen, u, self.bounds)
     }
 }

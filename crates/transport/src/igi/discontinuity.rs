@@ -18,6 +18,15 @@ const LEAST_MIRRORED_COSINE: f32 = 0.5;
 /// A neighbour may lie off the tangent plane by this share of its distance from the camera.
 const PLANE_DISTANCE: f32 = 0.01;
 
+/// What the surface at a pixel receives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Light {
+    /// Irradiance over π: to be multiplied by the surface's colour.
+    pub(super) irradiance: Vec3,
+    /// Radiance that other lobes reflect.
+    pub(super) gloss: Vec3,
+}
+
 /// Filters rows of a picture.
 pub(super) struct Window<'a> {
     /// Row by row.
@@ -31,12 +40,12 @@ pub(super) struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// Light that the surface at a pixel reflects, averaged over the window.
-    pub(super) fn reflected(&self, x: u32, y: u32) -> Vec3 {
+    /// Light that the surface at a pixel receives, averaged over the window.
+    pub(super) fn light(&self, x: u32, y: u32) -> Light {
         let [n, m] = self.pattern.map(|p| p as i32);
         let center = &self.pixels[(y * self.width + x) as usize];
         if center.strength == 0.0 {
-            return center.scattered;
+            return Light { irradiance: Vec3::ZERO, gloss: center.scattered };
         }
         let scale = PLANE_DISTANCE * center.position.distance(self.eye);
         let (mut irradiance, mut gloss, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
@@ -57,7 +66,7 @@ impl Window<'_> {
             }
         }
         // The pixel itself always counts.
-        (center.albedo * irradiance + gloss) / count
+        Light { irradiance: irradiance / count, gloss: gloss / count }
     }
 
     fn at(&self, x: i32, y: i32) -> Option<&Gathered> {

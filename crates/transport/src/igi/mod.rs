@@ -10,9 +10,14 @@
 
 mod discontinuity;
 mod gather;
+mod history;
+mod importance;
+mod lights;
+mod paths;
 mod photon_map;
 mod photons;
 mod residual;
+mod sight;
 mod vpl;
 
 use glam::Vec3;
@@ -22,9 +27,11 @@ use crate::eye::EyeWalk;
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
 use discontinuity::Window;
 use gather::ByVpls;
+pub use history::{History, Remembered};
+use paths::PathPlan;
 use photon_map::PhotonMap;
 use photons::PhotonPlan;
-use vpl::{PathPlan, VplSets};
+use vpl::{VplPlan, VplSets};
 
 /// Edges of whole paths when the request does not say.
 const DEFAULT_MAX_EDGES: u32 = 24;
@@ -45,14 +52,25 @@ pub struct IgiSettings {
     pub clamp: f32,
     /// Whether short rays give back what the bound takes away.
     pub compensate: bool,
+    /// Whether more light paths are drawn and what matters to the camera is kept.
+    pub importance: bool,
     /// Photons of each pass, for light that mirrors and glass throw on other surfaces.
     pub photons: u32,
 }
 
 impl Default for IgiSettings {
-    /// 3×3 sets of 8 paths, filtered, with what the bound takes away given back, and 20,000 photons.
+    /// 3×3 sets of 8 paths, filtered, chosen by importance, with what the bound takes away given back, and 20,000
+    /// photons.
     fn default() -> Self {
-        Self { paths: 8, interleave: [3, 3], filter: true, clamp: 8.0, compensate: true, photons: 20_000 }
+        Self {
+            paths: 8,
+            interleave: [3, 3],
+            filter: true,
+            clamp: 8.0,
+            compensate: true,
+            importance: true,
+            photons: 20_000,
+        }
     }
 }
 
@@ -95,6 +113,8 @@ pub struct IgiFrame<'a, Q: ?Sized> {
     igi: IgiSettings,
     /// Which pass is in the making.
     pass: u32,
+    /// Frames before this one whose virtual point lights are not to come again.
+    before: u32,
     /// Its virtual point lights.
     vpls: VplSets,
     photons: PhotonMap,
@@ -103,13 +123,14 @@ pub struct IgiFrame<'a, Q: ?Sized> {
 }
 
 impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
-    /// A frame that starts with its first pass.
-    pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings) -> Self {
+    /// A frame that starts with its first pass. The sequences go on where so many passes before have left them.
+    pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings, before: u32) -> Self {
         let mut frame = Self {
             view,
             settings,
             igi,
             pass: 0,
+            before,
             vpls: VplSets::default(),
             photons: PhotonMap::default(),
             rays: 0,
@@ -131,18 +152,18 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
     fn draw(&mut self) {
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let [n, m] = self.igi.interleave;
-        let plan = PathPlan {
+        let paths = PathPlan {
             sets: n * m,
             paths: self.igi.paths,
-            pass: self.pass,
+            pass: self.pass.wrapping_add(self.before),
             seed: self.settings.seed,
             max_bounces: max_edges.saturating_sub(2),
-            clamp: self.igi.clamp,
         };
+        let plan = VplPlan { paths, clamp: self.igi.clamp, importance: self.igi.importance };
         self.vpls = VplSets::new(self.view, &plan);
         let plan = PhotonPlan {
             count: self.igi.photons,
-            pass: self.pass,
+            pass: self.pass.wrapping_add(self.before),
             seed: self.settings.seed,
             max_edges: max_edges.saturating_sub(1),
         };
@@ -170,9 +191,16 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         (walk.lighting.gathered, traced)
     }
 
-    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for. `gathered` is the whole
-    /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
-    pub fn row(&self, gathered: &[Gathered], (width, height): (u32, u32), y: u32) -> Vec<Vec3> {
+    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for, and, if there is a
+    /// history, what it is to remember. `gathered` is the whole picture, row by row. Only the first passes are filtered, so
+    /// that what the filter gets wrong vanishes as more follow.
+    pub fn row(
+        &self,
+        gathered: &[Gathered],
+        (width, height): (u32, u32),
+        y: u32,
+        history: Option<&History>,
+    ) -> Vec<(Vec3, Remembered)> {
         let filtered = self.igi.filter && self.pass < FILTERED_PASSES;
         let window = Window {
             pixels: gathered,
@@ -181,6 +209,15 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             pattern: if filtered { self.igi.interleave } else { [1, 1] },
             eye: self.view.camera.position(),
         };
-        (0..width).map(|x| gathered[(y * width + x) as usize].other + window.reflected(x, y)).collect()
+        let pixel = |x| {
+            let point = &gathered[(y * width + x) as usize];
+            let light = window.light(x, y);
+            let remembered = match history {
+                Some(history) => history.blend(point, light),
+                None => Remembered::first(point, light),
+            };
+            (point.other + remembered.reflected(point.albedo), remembered)
+        };
+        (0..width).map(pixel).collect()
     }
 }

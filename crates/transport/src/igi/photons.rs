@@ -69,7 +69,7 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
     vpls: &VplSets,
     plan: &PhotonPlan,
 ) -> (Vec<Photon>, u64) {
-    let sources: Vec<&Vpl> = vpls.sets.iter().flatten().filter(|vpl| vpl.source.has_flux()).collect();
+    let sources: Vec<&Vpl> = vpls.candidates.iter().filter(|vpl| vpl.source.has_flux()).collect();
     let reflectors = view.scene.reflectors(MIRROR_ALPHA.sqrt());
     if sources.is_empty() || reflectors.list().is_empty() {
         return (Vec::new(), 0);

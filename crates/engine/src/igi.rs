@@ -1,0 +1,92 @@
+//! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard};
+
+use glam::Vec3;
+use heliostat_scene::{BackendError, IgiOptions, Progress};
+use heliostat_transport::{Gathered, History, IgiFrame, IgiSettings, PixelSum, Remembered, Settings, View};
+
+use crate::film::Film;
+use crate::meter::Metered;
+use crate::queue::work_through;
+
+/// Renders all passes into a film and returns the number of rays. If frames go on from each other, `history` is what the
+/// frame before has left, and afterwards what this one leaves.
+pub(crate) fn render(
+    threads: NonZeroUsize,
+    view: &View<'_, Metered<'_>>,
+    settings: &Settings,
+    (options, film, progress): (&IgiOptions, &Film, &Progress),
+    history: &mut Option<History>,
+) -> Result<u64, BackendError> {
+    let size = film.size();
+    let before = history.as_ref().filter(|history| options.accumulate && history.size() == size);
+    let passes_before = before.map_or(0, |history| history.frames().wrapping_mul(settings.samples));
+    let mut frame = IgiFrame::new(view, settings, igi_settings(options), passes_before);
+    let regions = frame.regions(size.0, size.1);
+    progress.start(regions.len() as u64 * u64::from(settings.samples));
+    let rays = AtomicU64::new(0);
+    let stop = || progress.is_cancelled();
+    let pixels = size.0 as usize * size.1 as usize;
+    let mut picture = vec![Gathered::default(); pixels];
+    let sums: Vec<_> =
+        regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
+    let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
+    let remembered: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::<Remembered>::new())).collect();
+    for pass in 0..settings.samples {
+        rays.fetch_add(frame.start(pass), Ordering::Relaxed);
+        let shared = Mutex::new(&mut picture);
+        work_through(threads, regions.len(), &stop, &|index| {
+            let region = &regions[index];
+            let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
+            rays.fetch_add(traced, Ordering::Relaxed);
+            let mut picture = locked(&shared);
+            for ((x, y), pixel) in region.pixels().zip(gathered) {
+                picture[y as usize * size.0 as usize + x as usize] = pixel;
+            }
+            progress.advance(1);
+        })?;
+        work_through(threads, rows.len(), &stop, &|y| {
+            let (light, memory): (Vec<Vec3>, Vec<Remembered>) =
+                frame.row(&picture, size, y as u32, before).into_iter().unzip();
+            locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
+            if options.accumulate {
+                *locked(&remembered[y]) = memory;
+            }
+        })?;
+    }
+    for (region, sums) in regions.iter().zip(&sums) {
+        film.store(region, &locked(sums));
+    }
+    for (y, row) in (0..).zip(&rows) {
+        film.add_row(y, &locked(row));
+    }
+    if options.accumulate && !progress.is_cancelled() {
+        let memory: Vec<Remembered> =
+            remembered.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
+        match history.as_mut().filter(|history| history.size() == size) {
+            Some(history) => history.advance(view.camera.clone(), memory),
+            None => *history = Some(History::new(view.camera.clone(), size, memory)),
+        }
+    }
+    Ok(rays.into_inner())
+}
+
+fn igi_settings(options: &IgiOptions) -> IgiSettings {
+    IgiSettings {
+        paths: options.paths,
+        interleave: options.interleave,
+        filter: options.filter,
+        clamp: options.clamp,
+        compensate: options.compensate,
+        importance: options.importance,
+        photons: options.photons,
+    }
+}
+
+/// What a lock holds; a thread that panicked while it held the lock left whole pixels behind.
+fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}

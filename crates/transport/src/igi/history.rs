@@ -1,0 +1,141 @@
+//! Light that earlier frames have seen, for frames that follow each other: a running mean at every surface point.
+//!
+//! Every point of a picture looks up the picture before where that saw the same point. What both have received, without
+//! the surface's colour, is averaged: the more frames have seen the point, the less the new one weighs, down to a floor.
+//! Frames that follow each other take virtual point lights of their own, so that the mean is over many more of them than
+//! a frame can afford. Where an edit has changed the scene, one frame of the past counts at most: old light halves with
+//! every frame.
+//!
+//! # References
+//! Scherzer, Jeschke, Wimmer, "Pixel-Correct Shadow Maps with Temporal Reprojection and Shadow Test Confidence", 2007.
+//! Schied et al., "Spatiotemporal Variance-Guided Filtering", 2017 (§4.1). Both blend colours of pixels; the average of
+//! irradiance over frames of virtual point lights is ours.
+
+use glam::{Vec2, Vec3};
+use heliostat_shading::CameraRays;
+
+use super::Gathered;
+use super::discontinuity::Light;
+
+/// Frames that a point remembers at most.
+const MOST_FRAMES: f32 = 16.0;
+/// The same for light that mirrors more or less, which depends on where it is seen from.
+const MOST_GLOSSY_FRAMES: f32 = 4.0;
+/// Normals may differ by this much: cosine.
+const LEAST_COSINE: f32 = 0.9;
+/// A point may lie off the tangent plane by this share of its distance from the camera.
+const PLANE_DISTANCE: f32 = 0.01;
+
+/// What a pixel remembers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Remembered {
+    light: Light,
+    position: Vec3,
+    normal: Vec3,
+    /// Frames that the light is the mean of; 0 if there is none.
+    frames: f32,
+}
+
+impl Remembered {
+    /// What a pixel receives in the first picture.
+    pub(super) fn first(point: &Gathered, light: Light) -> Self {
+        let frames = if point.strength > 0.0 && point.straight { 1.0 } else { 0.0 };
+        Self { light, position: point.position, normal: point.normal, frames }
+    }
+
+    /// What a surface of some colour reflects of it.
+    pub(super) fn reflected(&self, albedo: Vec3) -> Vec3 {
+        albedo * self.light.irradiance + self.light.gloss
+    }
+}
+
+/// The picture before.
+#[derive(Clone, Debug)]
+pub struct History {
+    camera: CameraRays,
+    size: (u32, u32),
+    pixels: Vec<Remembered>,
+    /// Pictures so far.
+    frames: u32,
+}
+
+impl History {
+    /// After the first picture. `pixels` row by row.
+    pub fn new(camera: CameraRays, size: (u32, u32), pixels: Vec<Remembered>) -> Self {
+        Self { camera, size, pixels, frames: 1 }
+    }
+
+    /// After another picture of the same size.
+    pub fn advance(&mut self, camera: CameraRays, pixels: Vec<Remembered>) {
+        (self.camera, self.pixels) = (camera, pixels);
+        self.frames = self.frames.wrapping_add(1);
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Pictures so far.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
+    /// After an edit: all of the past counts as one frame at most.
+    pub fn distrust(&mut self) {
+        self.pixels.iter_mut().for_each(|pixel| pixel.frames = pixel.frames.min(1.0));
+    }
+
+    /// The mean of what a pixel receives and what its point has received before.
+    pub(super) fn blend(&self, point: &Gathered, light: Light) -> Remembered {
+        let mut blended = Remembered::first(point, light);
+        if blended.frames == 0.0 {
+            return blended;
+        }
+        if let Some((before, frames)) = self.look_up(point) {
+            blended.frames = (frames + 1.0).min(MOST_FRAMES);
+            let mix = |before: Vec3, now: Vec3, most: f32| {
+                let weight = 1.0 / blended.frames.min(most);
+                before + (now - before) * weight
+            };
+            blended.light.irradiance = mix(before.irradiance, light.irradiance, MOST_FRAMES);
+            blended.light.gloss = mix(before.gloss, light.gloss, MOST_GLOSSY_FRAMES);
+        }
+        blended
+    }
+
+    /// The light that a point had in the picture before, between the four pixels around it, and how many frames it is the
+    /// mean of; `None` if it was not seen.
+    fn look_up(&self, point: &Gathered) -> Option<(Light, f32)> {
+        let at = self.camera.project(point.position)? - 0.5;
+        let corner = at.floor();
+        let (mut sum, mut frames, mut weights) = (Light::default(), 0.0, 0.0);
+        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let tap = corner + Vec2::new(dx, dy);
+            let size = Vec2::new(self.size.0 as f32, self.size.1 as f32);
+            if tap.cmplt(Vec2::ZERO).any() || tap.cmpge(size).any() {
+                continue;
+            }
+            let pixel = &self.pixels[tap.y as usize * self.size.0 as usize + tap.x as usize];
+            let near = Vec2::ONE - (at - tap).abs();
+            let weight = near.x * near.y;
+            if weight > 0.0 && self.is_same(pixel, point) {
+                sum.irradiance += pixel.light.irradiance * weight;
+                sum.gloss += pixel.light.gloss * weight;
+                frames += pixel.frames * weight;
+                weights += weight;
+            }
+        }
+        // A sliver of one pixel says little.
+        (weights > 0.05).then(|| {
+            let light = Light { irradiance: sum.irradiance / weights, gloss: sum.gloss / weights };
+            (light, frames / weights)
+        })
+    }
+
+    fn is_same(&self, pixel: &Remembered, point: &Gathered) -> bool {
+        let scale = PLANE_DISTANCE * point.position.distance(self.camera.position());
+        let off = (pixel.position - point.position).dot(point.normal).abs();
+        pixel.frames > 0.0 && pixel.normal.dot(point.normal) > LEAST_COSINE && off < scale
+    }
+}
