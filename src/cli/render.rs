@@ -444,6 +444,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
             importance: !arguments.no_importance,
+            first_pass: 0,
             accumulate: arguments.accumulate,
             photons: arguments.photons,
         },

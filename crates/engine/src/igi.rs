@@ -22,7 +22,7 @@ pub(crate) fn render(
     history: &mut Option<History>,
 ) -> Result<u64, BackendError> {
     let size = film.size();
-    let before = history.as_ref().filter(|history| options.accumulate && history.size() == size);
+    let before = history.as_ref().filter(|_| options.accumulate);
     let passes_before = before.map_or(0, |history| history.frames().wrapping_mul(settings.samples));
     let mut frame = IgiFrame::new(view, settings, igi_settings(options), passes_before);
     let regions = frame.regions(size.0, size.1);
@@ -66,8 +66,8 @@ pub(crate) fn render(
     if options.accumulate && !progress.is_cancelled() {
         let memory: Vec<Remembered> =
             remembered.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
-        match history.as_mut().filter(|history| history.size() == size) {
-            Some(history) => history.advance(view.camera.clone(), memory),
+        match history {
+            Some(history) => history.advance(view.camera.clone(), size, memory),
             None => *history = Some(History::new(view.camera.clone(), size, memory)),
         }
     }
@@ -82,6 +82,7 @@ fn igi_settings(options: &IgiOptions) -> IgiSettings {
         clamp: options.clamp,
         compensate: options.compensate,
         importance: options.importance,
+        first_pass: options.first_pass,
         photons: options.photons,
     }
 }

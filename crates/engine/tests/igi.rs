@@ -6,8 +6,8 @@ use std::num::NonZeroUsize;
 use glam::{Affine3A, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
-    Backend, Camera, Environment, Frame, FrameRequest, IgiOptions, Light, LightKind, Material, Mesh,
-    Progress, Projection, Quadric, SceneBuilder,
+    Backend, Camera, Edit, Environment, Frame, FrameRequest, IgiOptions, Light, LightKind, Material, Mesh,
+    Plane, Progress, Projection, Quadric, SceneBuilder,
 };
 
 fn engine(scene: SceneBuilder, threads: usize) -> Engine {
@@ -221,6 +221,116 @@ fn pictures_do_not_depend_on_threads() {
     assert!(picture(2) == one && picture(5) == one);
 }
 
+/// Relative mean squared error against a reference.
+fn relative_error(frame: &Frame, reference: &Frame) -> f32 {
+    let squared = |(a, b): (&Vec3, &Vec3)| ((a - b) / (b + 0.01)).length_squared();
+    frame.color.iter().zip(&reference.color).map(squared).sum::<f32>() / frame.color.len() as f32
+}
+
+/// The room, and far away a thousand closed boxes with a lamp each.
+fn room_among_many() -> SceneBuilder {
+    let mut scene = room(Material::diffuse("far", Vec3::splat(0.7)));
+    for i in 0..1000 {
+        let at = Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 3.0 + 20.0;
+        for normal in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z] {
+            add(&mut scene, square(at - normal, normal, 1.0), Material::diffuse("box", Vec3::splat(0.5)));
+        }
+        let kind = LightKind::Point { position: at, intensity: Vec3::splat(2.0), range: f32::INFINITY };
+        scene.light(Light { name: String::new(), kind });
+    }
+    scene
+}
+
+#[test]
+fn paths_start_at_the_lights_that_matter() {
+    let mut engine = engine(room_among_many(), 2);
+    let few = IgiOptions { paths: 4, ..IgiOptions::default() };
+    // The lamp is one of a thousand and one lights of like power.
+    let alone = room(Material::diffuse("far", Vec3::splat(0.7)));
+    let reference = reference(&mut self::engine(alone, 2), &request(1, few), 256);
+    let with = render(&mut engine, &request(1, few));
+    let without = render(&mut engine, &request(1, IgiOptions { importance: false, ..few }));
+    assert_close(mean_of(&with, 0..60, 16..60), mean_of(&reference, 0..60, 16..60), 0.1, "one frame");
+    let (with, without) = (relative_error(&with, &reference), relative_error(&without, &reference));
+    assert!(with < 0.05 * without, "with importance {with}, without {without}");
+}
+
+#[test]
+fn importance_does_not_change_the_mean() {
+    // What no point of the picture's handful sees must not be lost: many frames of few paths.
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let options = IgiOptions { paths: 2, filter: false, ..IgiOptions::default() };
+    let all = |frame: &Frame| mean_of(frame, 0..60, 16..60);
+    let with = render(&mut engine, &request(256, options));
+    let without = render(&mut engine, &request(256, IgiOptions { importance: false, ..options }));
+    assert_close(all(&with), all(&without), 0.01, "all");
+}
+
+#[test]
+fn frames_go_on_from_each_other() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let options = IgiOptions { paths: 2, accumulate: true, ..IgiOptions::default() };
+    // The camera moves a little with every frame.
+    let at = |frame: u32| {
+        let mut request = request(1, options);
+        let eye = Vec3::new(0.01 * frame as f32, 0.0, 3.4);
+        request.camera = Camera::look_at("", eye, Vec3::ZERO, Vec3::Y, 0.75);
+        request
+    };
+    let single =
+        render(&mut engine, &FrameRequest { igi: IgiOptions { accumulate: false, ..options }, ..at(11) });
+    let frames: Vec<Frame> = (0..12).map(|frame| render(&mut engine, &at(frame))).collect();
+    let reference = reference(&mut engine, &at(11), 256);
+    // Edges are those of one sample per pixel in all of them.
+    let inner = |frame: &Frame| -> f32 {
+        let region = |columns, rows| {
+            let [a, b] = [frame, &reference].map(|f| mean_of(f, Clone::clone(&columns), Clone::clone(&rows)));
+            ((a - b) / b).length_squared()
+        };
+        (0..10).map(|i| region(22 + i..23 + i, 30..31) + region(15 + i..16 + i, 54..55)).sum()
+    };
+    let (one, last) = (inner(&single), inner(&frames[11]));
+    assert!(last < 0.5 * one, "one frame {one}, after twelve {last}");
+    let steady = (inner(&frames[10]) / last).max(last / inner(&frames[10]));
+    assert!(steady < 2.0, "the frame before {}, the last {last}", inner(&frames[10]));
+}
+
+#[test]
+fn frames_of_one_view_converge_together() {
+    let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
+    let options = IgiOptions { paths: 4, ..IgiOptions::default() };
+    let whole = render(&mut engine, &request(20, options));
+    let mut sum = vec![Vec3::ZERO; whole.color.len()];
+    for first_pass in 0..20 {
+        let mut request = request(1, IgiOptions { first_pass, ..options });
+        request.planes = vec![Plane::ObjectId];
+        let frame = render(&mut engine, &request);
+        sum.iter_mut().zip(&frame.color).for_each(|(sum, color)| *sum += *color / 20.0);
+        assert!(frame.planes[0].values[30 * 60 + 30] > 0.0, "every frame knows what it sees");
+    }
+    let error = sum.iter().zip(&whole.color).map(|(a, b)| (a - b).length()).fold(0.0, f32::max);
+    assert!(error < 1e-4, "{error}");
+}
+
+#[test]
+fn no_light_stays_behind_where_a_lamp_was() {
+    let lamp =
+        |at: Vec3| LightKind::Point { position: at, intensity: Vec3::splat(1.0), range: f32::INFINITY };
+    let mut scene = SceneBuilder::new();
+    add(&mut scene, square(Vec3::NEG_Z, Vec3::Z, 1.0), Material::diffuse("wall", Vec3::splat(0.5)));
+    let light = scene.light(Light { name: String::new(), kind: lamp(Vec3::new(-0.7, 0.0, -0.8)) });
+    let mut engine = engine(scene, 2);
+    let request = request(1, IgiOptions { accumulate: true, ..IgiOptions::default() });
+    let left = |frame: &Frame| mean_of(frame, 5..25, 20..40).y;
+    let before = (0..20).map(|_| left(&render(&mut engine, &request))).last().expect("frames");
+    let moved = Edit::Light(light, Light { name: String::new(), kind: lamp(Vec3::new(0.7, 0.0, -0.8)) });
+    engine.apply(&[moved], &Progress::new()).expect("a light");
+    let settled = left(&render(&mut engine, &FrameRequest { igi: IgiOptions::default(), ..request.clone() }));
+    let ghosts: Vec<f32> =
+        (0..8).map(|_| (left(&render(&mut engine, &request)) - settled) / (before - settled)).collect();
+    assert!(ghosts[0] < 0.51 && ghosts[7] < 0.01, "{ghosts:?}");
+}
+
 #[test]
 fn depth_counts_whole_paths() {
     let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
@@ -254,7 +364,7 @@ fn impossible_options_are_refused() {
 #[test]
 fn instant_radiosity_is_one_set_for_all_pixels() {
     let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
-    let alone = IgiOptions { interleave: [1, 1], filter: false, ..IgiOptions::default() };
+    let alone = IgiOptions { interleave: [1, 1], filter: false, importance: false, ..IgiOptions::default() };
     let expected = render(&mut engine, &request(2, alone));
     let ancestor = FrameRequest { renderer: "instant-radiosity".into(), ..request(2, IgiOptions::default()) };
     assert_eq!(render(&mut engine, &ancestor).color, expected.color);

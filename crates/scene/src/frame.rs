@@ -53,7 +53,10 @@ pub struct IgiOptions {
     pub compensate: bool,
     /// Whether eight times as many light paths are drawn and as many virtual point lights kept as matter most to the camera.
     pub importance: bool,
-    /// Whether the frame goes on from the one before, if that had the same size and asked for this too: light is averaged
+    /// Passes that frames of the same view have made before: this one goes on where they ended, and the mean of all
+    /// converges.
+    pub first_pass: u32,
+    /// Whether the frame goes on from the last one that asked for this too: light is averaged
     /// over the frames that have seen a point, and after an edit over two of them at most.
     pub accumulate: bool,
     /// Photons of each pass, which bring the light that mirrors and glass throw on other surfaces; at most 2^20, none at 0.
@@ -70,6 +73,7 @@ impl Default for IgiOptions {
             clamp: 8.0,
             compensate: true,
             importance: true,
+            first_pass: 0,
             accumulate: false,
             photons: 20_000,
         }

@@ -396,6 +396,19 @@ mod tests {
     }
 
     #[test]
+    fn points_are_seen_where_their_rays_pass() {
+        let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, None);
+        for pixel in [Vec2::new(3.0, 97.5), Vec2::new(100.0, 50.0), Vec2::new(-20.0, 130.0)] {
+            let ray = rays.ray(pixel, Vec2::ZERO, 0.0);
+            let seen = rays.project(ray.origin + 7.0 * ray.direction).expect("before the camera");
+            assert!((seen - pixel).length() < 1e-3, "{seen}, expected {pixel}");
+            assert_eq!(rays.project(ray.origin - 7.0 * ray.direction), None);
+        }
+        let flat = camera(Projection::Orthographic { height: 1.0 }, None);
+        assert_eq!(flat.project(Vec3::ZERO), None);
+    }
+
+    #[test]
     fn lens_rays_meet_in_the_plane_of_focus() {
         let lens = Lens { radius: 0.2, focus_distance: 2.0 };
         let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, Some(lens));

@@ -292,7 +292,7 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
 ) -> u64 {
     let mut traced = 0;
     for sample in 0..settings.samples {
-        traced += walk_sample(walk, view, settings, region, sample, sums);
+        traced += walk_sample(walk, view, settings, region, (sample, sample == 0), sums);
         if !after_sample() {
             break;
         }
@@ -300,13 +300,13 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
     traced
 }
 
-/// Walks one sample of a region's pixels and returns the number of rays that were followed.
+/// Walks one sample of a region's pixels, which is the first that the sums get or not, and returns the number of rays that were followed.
 pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     walk: &mut W,
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
-    sample: u32,
+    (sample, first): (u32, bool),
     sums: &mut [PixelSum],
 ) -> u64 {
     let mut traced = 0;
@@ -315,7 +315,7 @@ pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
     while !current.is_empty() {
         traced += current.len() as u64;
-        current = walk.step(current, &hits, sums, sample == 0);
+        current = walk.step(current, &hits, sums, first);
         let rays: Vec<Ray> = current.iter().map(W::ray).collect();
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);

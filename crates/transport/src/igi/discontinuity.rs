@@ -48,36 +48,36 @@ impl Window<'_> {
             return Light { irradiance: Vec3::ZERO, gloss: center.scattered };
         }
         let scale = PLANE_DISTANCE * center.position.distance(self.eye);
-        let (mut irradiance, mut gloss, mut count) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        // The pixel itself always counts.
+        let mut sum = Light { irradiance: center.irradiance, gloss: center.gloss + center.scattered };
+        let mut count = 1.0;
         for dy in -(m / 2)..m - m / 2 {
             for dx in -(n / 2)..n - n / 2 {
+                if (dx, dy) == (0, 0) {
+                    continue;
+                }
                 // The same set lies one pattern further on, on the other side.
-                let (other_x, other_y) = (dx - n * sign(dx), dy - m * sign(dy));
+                let (other_x, other_y) = (dx - n * dx.signum(), dy - m * dy.signum());
                 let stand_ins = [(dx, dy), (other_x, dy), (dx, other_y), (other_x, other_y)];
                 let tap = stand_ins.into_iter().find_map(|(dx, dy)| {
                     let tap = self.at(x as i32 + dx, y as i32 + dy)?;
                     is_alike(center, tap, scale).then_some(tap)
                 });
                 if let Some(tap) = tap {
-                    irradiance += quotient(tap.reflected, tap.albedo);
-                    gloss += tap.gloss + tap.scattered;
+                    sum.irradiance += tap.irradiance;
+                    sum.gloss += tap.gloss + tap.scattered;
                     count += 1.0;
                 }
             }
         }
-        // The pixel itself always counts.
-        Light { irradiance: irradiance / count, gloss: gloss / count }
+        let share = 1.0 / count;
+        Light { irradiance: sum.irradiance * share, gloss: sum.gloss * share }
     }
 
     fn at(&self, x: i32, y: i32) -> Option<&Gathered> {
         let inside = (0..self.width as i32).contains(&x) && (0..self.height as i32).contains(&y);
         inside.then(|| &self.pixels[y as usize * self.width as usize + x as usize])
     }
-}
-
-/// Which way a step goes; none for no step.
-fn sign(step: i32) -> i32 {
-    step.signum()
 }
 
 fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
@@ -91,9 +91,4 @@ fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
     }
     let way = b.position - a.position;
     cos > LEAST_COSINE && way.dot(a.normal).abs().max(way.dot(b.normal).abs()) < scale
-}
-
-/// Channel by channel; zero where there is nothing to divide by.
-fn quotient(a: Vec3, b: Vec3) -> Vec3 {
-    Vec3::select(b.cmpgt(Vec3::splat(1e-6)), a / b, Vec3::ZERO)
 }

@@ -243,7 +243,7 @@ impl<'a> ByVpls<'a> {
             let point = Gathered {
                 other: Vec3::ZERO,
                 scattered: Vec3::ZERO,
-                reflected: albedo * block.irradiance[lane],
+                irradiance: block.irradiance[lane],
                 albedo,
                 gloss: weight * block.gloss[lane],
                 position: surfaces.position(lane),
@@ -254,7 +254,7 @@ impl<'a> ByVpls<'a> {
             };
             let pixel = &mut self.gathered[block.pixels[lane] as usize];
             match block.alphas[lane] > CLEAR_ALPHA {
-                true => pixel.scattered += point.reflected + point.gloss,
+                true => pixel.scattered += point.reflected(),
                 false => pixel.meet(point),
             }
         }

@@ -65,15 +65,9 @@ impl History {
         Self { camera, size, pixels, frames: 1 }
     }
 
-    /// After another picture of the same size.
-    pub fn advance(&mut self, camera: CameraRays, pixels: Vec<Remembered>) {
-        (self.camera, self.pixels) = (camera, pixels);
-        self.frames = self.frames.wrapping_add(1);
-    }
-
-    /// Columns and rows.
-    pub fn size(&self) -> (u32, u32) {
-        self.size
+    /// After another picture, of any size.
+    pub fn advance(&mut self, camera: CameraRays, size: (u32, u32), pixels: Vec<Remembered>) {
+        *self = Self { camera, size, pixels, frames: self.frames.wrapping_add(1) };
     }
 
     /// Pictures so far.

@@ -54,6 +54,8 @@ pub struct IgiSettings {
     pub compensate: bool,
     /// Whether more light paths are drawn and what matters to the camera is kept.
     pub importance: bool,
+    /// Passes that were made before this frame.
+    pub first_pass: u32,
     /// Photons of each pass, for light that mirrors and glass throw on other surfaces.
     pub photons: u32,
 }
@@ -69,6 +71,7 @@ impl Default for IgiSettings {
             clamp: 8.0,
             compensate: true,
             importance: true,
+            first_pass: 0,
             photons: 20_000,
         }
     }
@@ -81,8 +84,8 @@ pub struct Gathered {
     other: Vec3,
     /// Radiance that rays found in random directions of rough mirrors and glass.
     scattered: Vec3,
-    /// Light that the point's diffuse lobe reflects, its colour included.
-    reflected: Vec3,
+    /// Irradiance over π: times the colour it is what the point's diffuse lobe reflects.
+    irradiance: Vec3,
     /// The colour: what the pixel sees of the diffuse lobe.
     albedo: Vec3,
     /// Light that its other rough lobes reflect.
@@ -102,7 +105,12 @@ impl Gathered {
             std::mem::swap(self, &mut point);
             (self.other, self.scattered) = (point.other, point.scattered);
         }
-        self.other += point.reflected + point.gloss;
+        self.other += point.reflected();
+    }
+
+    /// Radiance that the pixel sees of the point.
+    fn reflected(&self) -> Vec3 {
+        self.albedo * self.irradiance + self.gloss
     }
 }
 
@@ -113,7 +121,7 @@ pub struct IgiFrame<'a, Q: ?Sized> {
     igi: IgiSettings,
     /// Which pass is in the making.
     pass: u32,
-    /// Frames before this one whose virtual point lights are not to come again.
+    /// Passes before this frame whose virtual point lights are not to come again.
     before: u32,
     /// Its virtual point lights.
     vpls: VplSets,
@@ -123,14 +131,14 @@ pub struct IgiFrame<'a, Q: ?Sized> {
 }
 
 impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
-    /// A frame that starts with its first pass. The sequences go on where so many passes before have left them.
-    pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings, before: u32) -> Self {
+    /// A frame that starts with its first pass. `remembered` passes are in the history that it goes on from.
+    pub fn new(view: &'a View<'a, Q>, settings: &'a Settings, igi: IgiSettings, remembered: u32) -> Self {
         let mut frame = Self {
             view,
             settings,
             igi,
             pass: 0,
-            before,
+            before: igi.first_pass.wrapping_add(remembered),
             vpls: VplSets::default(),
             photons: PhotonMap::default(),
             rays: 0,
@@ -146,6 +154,11 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             self.draw();
         }
         self.rays
+    }
+
+    /// Number of the pass among all of this view.
+    fn sample(&self) -> u32 {
+        self.igi.first_pass.wrapping_add(self.pass)
     }
 
     /// The virtual point lights and photons of the pass.
@@ -168,7 +181,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             max_edges: max_edges.saturating_sub(1),
         };
         let (photons, rays) = photons::trace(self.view, &self.vpls, &plan);
-        self.photons = PhotonMap::new(photons, self.view.query.bounds().size().length(), self.pass);
+        self.photons = PhotonMap::new(photons, self.view.query.bounds().size().length(), self.sample());
         self.rays = self.vpls.rays + rays;
     }
 
@@ -186,7 +199,8 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
         let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let traced = walk_sample(&mut walk, self.view, self.settings, region, self.pass, sums);
+        let sample = (self.sample(), self.pass == 0);
+        let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
         let traced = traced + walk.lighting.traced();
         (walk.lighting.gathered, traced)
     }
@@ -201,7 +215,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         y: u32,
         history: Option<&History>,
     ) -> Vec<(Vec3, Remembered)> {
-        let filtered = self.igi.filter && self.pass < FILTERED_PASSES;
+        let filtered = self.igi.filter && self.sample() < FILTERED_PASSES;
         let window = Window {
             pixels: gathered,
             width,
