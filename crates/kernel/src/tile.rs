@@ -63,6 +63,23 @@ impl Tile {
         Some(index)
     }
 
+    /// Adds rays over `0 < t < t_max` side by side and returns the index of the first, or `None`, and adds none, if not all
+    /// fit. `directions` are their components, of equal length.
+    pub fn push_run(&mut self, directions: [&[f32]; 3], t_max: f32) -> Option<usize> {
+        let start = self.len;
+        let end = start + directions[0].len();
+        if end > Self::CAPACITY || directions.iter().any(|lane| lane.len() != end - start) {
+            return None;
+        }
+        for (lane, run) in self.direction.iter_mut().zip(directions) {
+            lane[start..end].copy_from_slice(run);
+        }
+        self.t_min[start..end].fill(0.0);
+        self.t_max[start..end].fill(t_max);
+        self.len = end;
+        Some(start)
+    }
+
     /// Sets the moment in the shutter interval, 0 to 1, at which ray `index` sees the world; it is 0 before. Nothing
     /// happens past the end. Worlds in which something moves answer tiles ray by ray.
     pub fn set_time(&mut self, index: usize, time: f32) {
@@ -109,5 +126,28 @@ impl Tile {
             t_max: self.t_max[index],
             time: self.times.as_ref().map_or(0.0, |times| times[index]),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_rays_side_by_side() {
+        let ways = [1.0, 2.0, 3.0_f32];
+        let (mut run, mut single) = (Tile::new(Vec3::ONE), Tile::new(Vec3::ONE));
+        for start in 0..86 {
+            let pushed = run.push_run([&ways, &ways, &[4.0; 3]], 5.0);
+            assert_eq!(pushed, (start < 85).then_some(3 * start), "255 rays fit in whole runs");
+            if pushed.is_some() {
+                ways.iter().for_each(|&way| _ = single.push(Vec3::new(way, way, 4.0), 5.0));
+            }
+        }
+        assert_eq!(run.push_run([&ways[..1], &ways[..2], &ways[..1]], 5.0), None, "of different lengths");
+        assert_eq!(run.len(), 255);
+        for i in 0..255 {
+            assert_eq!(run.ray(i), single.ray(i));
+        }
     }
 }

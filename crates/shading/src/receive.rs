@@ -24,6 +24,20 @@ pub struct Received {
     pub way: Vectors,
 }
 
+impl Received {
+    /// A bit for each of the first `count` lanes to which any light comes.
+    pub fn lit(&self, count: usize) -> u16 {
+        let channels = [&self.irradiance, &self.gloss].map(|v| [&v.x.0, &v.y.0, &v.z.0]);
+        let mut mask = 0;
+        for lane in 0..count {
+            // A NaN is different from zero as well.
+            let dark = channels.iter().flatten().all(|channel| channel[lane] == 0.0);
+            mask |= u16::from(!dark) << lane;
+        }
+        mask
+    }
+}
+
 /// How light from a source is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taking {

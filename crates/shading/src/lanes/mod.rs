@@ -71,4 +71,14 @@ impl Vectors {
     pub fn set(&mut self, lane: usize, v: glam::Vec3) {
         (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (v.x, v.y, v.z);
     }
+
+    /// Adds the vectors of those lanes whose bit is set in `mask`.
+    pub fn add_lanes(&mut self, other: &Self, mask: u16) {
+        let pairs = [(&mut self.x, &other.x), (&mut self.y, &other.y), (&mut self.z, &other.z)];
+        for (sums, others) in pairs {
+            for (lane, (sum, other)) in sums.0.iter_mut().zip(&others.0).enumerate() {
+                *sum += if mask >> lane & 1 == 1 { *other } else { 0.0 };
+            }
+        }
+    }
 }

@@ -34,17 +34,28 @@ pub(super) struct Block {
     alphas: [f32; WIDTH],
     /// Sample point for the light that bounds take away, the same for all lanes.
     pub(super) point: [f32; 4],
-    pub(super) irradiance: [Vec3; WIDTH],
-    gloss: [Vec3; WIDTH],
+    pub(super) irradiance: Vectors,
+    gloss: Vectors,
+    /// Lanes with a weight.
+    alive: u16,
+    /// Most edges of any lane.
+    most_edges: u32,
 }
 
-/// A lane of a block with the light that it receives unless something stands in the way.
-#[derive(Clone, Copy, Debug)]
+/// A block with the light that some of its lanes receive unless something stands in the way.
+#[derive(Clone, Debug, Default)]
 struct Pending {
-    block: u32,
-    lane: u32,
-    irradiance: Vec3,
-    gloss: Vec3,
+    block: usize,
+    /// A bit for each of these lanes.
+    lanes: u16,
+    received: Received,
+}
+
+/// A ray among those asked about, and the lane of a pending block that it is for.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    pending: u16,
+    lane: u16,
 }
 
 /// Lights groups of pixels, each by a set of virtual point lights.
@@ -59,9 +70,12 @@ pub(super) struct ByVpls<'a> {
     traced: u64,
     blocks: Vec<Block>,
     used: usize,
-    received: Received,
     tile: Tile,
+    /// Blocks that light from the source at hand may reach; only the first ones are in use.
     pending: Vec<Pending>,
+    waiting: usize,
+    /// Rays that met nothing but what lets some light pass.
+    asked: Vec<Asked>,
     occluded: Vec<bool>,
     /// Not occluded, but by what lets some light pass.
     filtered: Vec<bool>,
@@ -89,9 +103,10 @@ impl<'a> ByVpls<'a> {
             traced: 0,
             blocks: Vec::new(),
             used: 0,
-            received: Received::default(),
             tile: Tile::new(Vec3::ZERO),
             pending: Vec::new(),
+            waiting: 0,
+            asked: Vec::new(),
             occluded: Vec::new(),
             filtered: Vec::new(),
             rays: Vec::new(),
@@ -116,44 +131,49 @@ impl<'a> ByVpls<'a> {
     ) {
         let origin = vpl.source.origin();
         self.tile.restart(origin.unwrap_or_default());
-        self.pending.clear();
         self.rays.clear();
+        self.waiting = 0;
         // Light straight from its source is left as it is: there are many samples of it, and short rays that find a lamp by
         // chance are noise.
         let bound = if vpl.bounces == 0 { f32::INFINITY } else { bound };
         let taking = Taking { bound, gloss: DULL };
         for index in start..end {
             let block = &self.blocks[index];
-            block.surfaces.receive(&vpl.source, &taking, block.count, &mut self.received);
-            for lane in 0..block.count {
-                let irradiance = self.received.irradiance.get(lane);
-                let gloss = self.received.gloss.get(lane);
-                let lit = irradiance != Vec3::ZERO || gloss != Vec3::ZERO;
-                let short = block.edges[lane] + 1 + vpl.bounces <= self.max_edges;
-                if !lit || !short || block.weights[lane] == Vec3::ZERO {
-                    continue;
-                }
-                let way = self.received.way.get(lane);
-                match origin {
-                    Some(_) => _ = self.tile.push(way, REACH),
-                    None => {
-                        let wi = self.received.wi.get(lane);
-                        self.rays.push(Ray::new(block.surfaces.origin(lane, wi), wi));
-                    }
-                }
-                self.pending.push(Pending { block: index as u32, lane: lane as u32, irradiance, gloss });
+            let short = block.short_enough(self.max_edges.saturating_sub(vpl.bounces));
+            if short == 0 {
+                continue;
+            }
+            if self.waiting == self.pending.len() {
+                self.pending.push(Pending::default());
+            }
+            let pending = &mut self.pending[self.waiting];
+            block.surfaces.receive(&vpl.source, &taking, block.count, &mut pending.received);
+            (pending.block, pending.lanes) = (index, short & pending.received.lit(block.count));
+            if pending.lanes == 0 {
+                continue;
+            }
+            self.waiting += 1;
+            match origin {
+                Some(_) => push(&mut self.tile, &pending.received.way, pending.lanes),
+                None => self.rays.extend(lanes(pending.lanes).map(|lane| {
+                    let wi = pending.received.wi.get(lane);
+                    Ray::new(block.surfaces.origin(lane, wi), wi)
+                })),
             }
         }
-        self.traced += self.pending.len() as u64;
-        self.ask(view, origin.is_some());
+        if self.waiting > 0 {
+            self.ask(view, origin.is_some());
+        }
     }
 
-    /// Traces the shadow rays of all pending lanes and adds what arrives.
+    /// Traces the shadow rays of all pending blocks and adds what arrives.
     fn ask<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
-        let Self { tile, rays, pending, occluded, filtered, blocks, .. } = self;
+        let Self { tile, rays, pending, occluded, filtered, blocks, asked, .. } = self;
+        let count = if from_origin { tile.len() } else { rays.len() };
+        self.traced += count as u64;
         for flags in [&mut *occluded, &mut *filtered] {
             flags.clear();
-            flags.resize(pending.len(), false);
+            flags.resize(count, false);
         }
         match (view.scene.has_see_through(), from_origin) {
             (false, true) => view.query.occluded_tile(tile, occluded),
@@ -161,20 +181,28 @@ impl<'a> ByVpls<'a> {
             (true, true) => view.query.occluded_tile_through(tile, view.scene, occluded, filtered),
             (true, false) => view.query.occluded_through(rays, view.scene, occluded, filtered),
         }
-        for (pending, (occluded, filtered)) in pending.iter().zip(occluded.iter().zip(&*filtered)) {
-            if !occluded && !filtered {
-                add(blocks, pending, Vec3::ONE);
+        asked.clear();
+        let mut flags = occluded.iter().zip(&*filtered);
+        for (index, pending) in (0..).zip(&mut pending[..self.waiting]) {
+            let mut arrived = pending.lanes;
+            for lane in lanes(pending.lanes) {
+                let (occluded, filtered) = flags.next().unwrap_or((&true, &false));
+                arrived &= !(u16::from(*occluded | *filtered) << lane);
+                if *filtered {
+                    asked.push(Asked { pending: index, lane: lane as u16 });
+                }
             }
+            let block = &mut blocks[pending.block];
+            block.irradiance.add_lanes(&pending.received.irradiance, arrived);
+            block.gloss.add_lanes(&pending.received.gloss, arrived);
         }
-        if filtered.contains(&true) {
+        if !asked.is_empty() {
             self.ask_through(view, from_origin);
         }
     }
 
     /// Follows the few rays that nothing stops but surfaces that let some light pass.
     fn ask_through<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
-        let mut filtered = self.filtered.iter();
-        self.pending.retain(|_| filtered.next() == Some(&true));
         if from_origin {
             let few = Tile::new(self.tile.origin());
             let whole = std::mem::replace(&mut self.tile, few);
@@ -184,16 +212,16 @@ impl<'a> ByVpls<'a> {
             let mut filtered = self.filtered.iter();
             self.rays.retain(|_| filtered.next() == Some(&true));
         }
-        self.traced += self.pending.len() as u64;
+        self.traced += self.asked.len() as u64;
         self.hits.clear();
-        self.hits.resize(self.pending.len(), Hit::MISS);
+        self.hits.resize(self.asked.len(), Hit::MISS);
         match from_origin {
             true => view.query.intersect_tile(&self.tile, &mut self.hits),
             false => view.query.intersect(&self.rays, &mut self.hits),
         }
-        for (i, (pending, hit)) in self.pending.iter().zip(&self.hits).enumerate() {
+        for (i, (asked, hit)) in self.asked.iter().zip(&self.hits).enumerate() {
             if !hit.is_hit() {
-                add(&mut self.blocks, pending, Vec3::ONE);
+                asked.add(&self.pending, &mut self.blocks, Vec3::ONE);
                 continue;
             }
             let ray = if from_origin { self.tile.ray(i) } else { Some(self.rays[i]) };
@@ -207,9 +235,9 @@ impl<'a> ByVpls<'a> {
                 self.shadows.push(rest, PendingLight { pixel: i as u32, radiance });
             }
         }
-        let (blocks, pending) = (&mut self.blocks, &self.pending);
+        let (blocks, pending, asked) = (&mut self.blocks, &self.pending, &self.asked);
         self.shadows.trace(view.query, view.scene, |light| {
-            add(blocks, &pending[light.pixel as usize], light.radiance);
+            asked[light.pixel as usize].add(pending, blocks, light.radiance);
         });
     }
 
@@ -223,9 +251,9 @@ impl<'a> ByVpls<'a> {
             if irradiance != Vec3::ZERO {
                 let radiance = irradiance * std::f32::consts::FRAC_1_PI;
                 let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
-                block.irradiance[lane] += radiance;
+                block.irradiance.set(lane, block.irradiance.get(lane) + radiance);
                 // Rough lobes are taken for diffuse ones of the same albedo.
-                block.gloss[lane] += radiance * rough.max(Vec3::ZERO);
+                block.gloss.set(lane, block.gloss.get(lane) + radiance * rough.max(Vec3::ZERO));
             }
         }
     }
@@ -243,9 +271,9 @@ impl<'a> ByVpls<'a> {
             let point = Gathered {
                 other: Vec3::ZERO,
                 scattered: Vec3::ZERO,
-                irradiance: block.irradiance[lane],
+                irradiance: block.irradiance.get(lane),
                 albedo,
-                gloss: weight * block.gloss[lane],
+                gloss: weight * block.gloss.get(lane),
                 position: surfaces.position(lane),
                 normal: surfaces.normal(lane),
                 // Mirrors stand for themselves only where nothing else is seen in them.
@@ -261,11 +289,44 @@ impl<'a> ByVpls<'a> {
     }
 }
 
-fn add(blocks: &mut [Block], pending: &Pending, transmittance: Vec3) {
-    let block = &mut blocks[pending.block as usize];
-    let lane = pending.lane as usize;
-    block.irradiance[lane] += pending.irradiance * transmittance;
-    block.gloss[lane] += pending.gloss * transmittance;
+impl Block {
+    /// The lanes whose paths may have `max_edges` edges before the last one, as a bit each.
+    fn short_enough(&self, max_edges: u32) -> u16 {
+        if self.most_edges < max_edges {
+            return self.alive;
+        }
+        lanes(self.alive).filter(|&lane| self.edges[lane] < max_edges).fold(0, |mask, lane| mask | 1 << lane)
+    }
+}
+
+impl Asked {
+    /// Adds the light that passes to the lane.
+    fn add(&self, pending: &[Pending], blocks: &mut [Block], transmittance: Vec3) {
+        let pending = &pending[usize::from(self.pending)];
+        let (block, lane) = (&mut blocks[pending.block], usize::from(self.lane));
+        let (irradiance, gloss) = (pending.received.irradiance.get(lane), pending.received.gloss.get(lane));
+        block.irradiance.set(lane, block.irradiance.get(lane) + irradiance * transmittance);
+        block.gloss.set(lane, block.gloss.get(lane) + gloss * transmittance);
+    }
+}
+
+/// The lanes whose bits are set.
+fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        (lane < WIDTH).then_some(lane)
+    })
+}
+
+/// Adds the ways of some lanes to a tile: side by side where they are the first ones, as in most blocks.
+fn push(tile: &mut Tile, ways: &Vectors, mask: u16) {
+    let count = mask.trailing_ones() as usize;
+    if mask.checked_shr(count as u32).unwrap_or(0) == 0 {
+        tile.push_run([&ways.x.0[..count], &ways.y.0[..count], &ways.z.0[..count]], REACH);
+    } else {
+        lanes(mask).for_each(|lane| _ = tile.push(ways.get(lane), REACH));
+    }
 }
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
@@ -295,9 +356,13 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
         }
+        let alive =
+            arrived.rays[..arrived.count].iter().enumerate().filter(|(_, ray)| ray.weight != Vec3::ZERO);
+        (block.alive, block.most_edges) =
+            alive.fold((0, 0), |(alive, edges), (lane, ray)| (alive | 1 << lane, edges.max(ray.edges)));
         let group = usize::from(self.groups[arrived.rays[0].pixel as usize]);
         block.point = self.vpls.points[group];
-        (block.irradiance, block.gloss) = ([Vec3::ZERO; WIDTH], [Vec3::ZERO; WIDTH]);
+        (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }
 
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {

@@ -75,7 +75,8 @@ impl Residual {
         let of = &self.of;
         self.shadows.trace(view.query, view.scene, |light| {
             let (block, lane, _) = of[light.pixel as usize];
-            blocks[block as usize].irradiance[lane as usize] += light.radiance;
+            let (irradiance, lane) = (&mut blocks[block as usize].irradiance, lane as usize);
+            irradiance.set(lane, irradiance.get(lane) + light.radiance);
         });
         self.rays.len() as u64
     }
