@@ -47,9 +47,10 @@ fn transform() -> impl Strategy<Value = Affine3A> {
     ]
 }
 
-/// A bumpy sheet: always the same triangles for a size, so that some edits refit and some rebuild.
+/// A bumpy sheet: always the same triangles for a size, so that some edits refit and some rebuild. Large ones are long and
+/// narrow: where they are turned, trees over their instances open them.
 fn mesh() -> impl Strategy<Value = Mesh> {
-    let size = prop_oneof![4 => Just(2_u32), 1 => Just(1), 1 => Just(3)];
+    let size = prop_oneof![4 => Just(2_u32), 1 => Just(1), 1 => Just(3), 6 => Just(12)];
     let broken = prop::bool::weighted(0.2);
     let moving = prop::bool::weighted(0.15);
     (size, prop::collection::vec(-0.3..0.3_f32, 16), broken, moving).prop_map(
@@ -58,7 +59,8 @@ fn mesh() -> impl Strategy<Value = Mesh> {
             let vertex = |i: u32| {
                 let (x, z) = (i % row, i / row);
                 let at = Vec3::new(x as f32, 0.0, z as f32) / size as f32 - Vec3::new(0.5, 0.0, 0.5);
-                at + Vec3::Y * heights[i as usize]
+                let narrow = if size > 3 { Vec3::new(1.0, 0.05, 0.05) } else { Vec3::ONE };
+                (at + Vec3::Y * heights[i as usize % 16]) * narrow
             };
             let mut positions: Vec<Vec3> = (0..row * row).map(vertex).collect();
             if broken {

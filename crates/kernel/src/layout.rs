@@ -40,7 +40,8 @@ impl Node {
 
 /// A reference in 32 bits: an inner node, or a leaf with a payload of 31 bits.
 ///
-/// For triangle trees the payload is `first block · 2 + (blocks − 1)`, for instance trees the instance's index.
+/// For triangle trees the payload is `first block · 2 + (blocks − 1)`, for instance trees the instance's index, or
+/// that of an entry where instances are opened.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Child(pub u32);
@@ -48,6 +49,8 @@ pub(crate) struct Child(pub u32);
 impl Child {
     /// An empty lane; its box is never met.
     pub(crate) const NONE: Self = Self(u32::MAX);
+    /// The first node of a tree.
+    pub(crate) const ROOT: Self = Self(0);
     const LEAF: u32 = 1 << 31;
 
     pub(crate) const fn inner(node: u32) -> Self {

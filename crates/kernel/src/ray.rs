@@ -82,9 +82,10 @@ impl PathId {
 ///
 /// Where surfaces coincide, that is the least in the order (`t`, `path`, `geometry`, `primitive`), `t` as it stands here,
 /// which is a function of ray, path and triangle alone. It does not depend on how a tree was built, refitted or updated,
-/// nor on which rays were asked together. (Within one object the triangles are first compared by a coarser distance; of
-/// those that are equal in it, bit for bit, the least number counts. Two that coincide without being equal may so be
-/// taken for each other as far as rounding goes.)
+/// nor on which rays were asked together. (Within one object, or a part of it at which its instance is entered, the
+/// triangles are first compared by a coarser distance; of those that are equal in it, bit for bit, the least number
+/// counts. Two that coincide without being equal may so be taken for each other as far as rounding goes, as may
+/// neighbours by a ray through their edge.)
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {

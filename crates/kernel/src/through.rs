@@ -1,5 +1,9 @@
 //! Any-hit queries past what lets light through: such triangles are noted and do not stop a ray.
-use crate::{layout::Block, ray::PathId, triangle_bvh::TriangleBvh};
+use crate::{
+    layout::{Block, Child},
+    ray::PathId,
+    triangle_bvh::TriangleBvh,
+};
 
 /// Which geometries let some light pass straight through: panes of thin glass, leaves cut out by a texture. Asked by
 /// [`RayQuery::occluded_through`](crate::RayQuery::occluded_through).
@@ -82,6 +86,8 @@ impl<'a> Panes<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct Screen<'a> {
     pub bvh: &'a TriangleBvh,
+    /// The subtree that is asked.
+    pub start: Child,
     pub panes: Panes<'a>,
 }
 

@@ -1,8 +1,8 @@
 //! Kd-trees: determinism, completeness of the leaves, quality, limits of depth and memory.
 mod common;
-use common::{Rng, soup};
+use common::{Rng, check_all, hunt, kd_object, soup};
 use heliostat_kernel::{
-    Aabb, BuildError, KdNodeKind, KdOptions, KdSplit, KdTree, Mesh,
+    Aabb, BuildError, KdNodeKind, KdOptions, KdSplit, KdTree, Mesh, Ray, Tile,
     glam::{DVec3, Vec3},
 };
 
@@ -76,6 +76,56 @@ fn every_point_of_every_triangle_is_in_a_leaf_that_lists_it() {
             }
         }
         assert_eq!(tree.identify(tree.corners().len() as u32), None);
+    }
+}
+
+/// Long thin triangles that cross many cells in parts still thinner, some almost along a plane.
+fn slivers(rng: &mut Rng, count: u32) -> Mesh {
+    let mut positions = Vec::new();
+    for _ in 0..count {
+        let (p, mut along) = (rng.vec() * 10.0, rng.vec() * 12.0);
+        along[rng.below(3)] *= 10.0_f32.powf(-6.0 * rng.unit());
+        let width = along.cross(rng.vec()).normalize() * 10.0_f32.powf(-1.5 * rng.unit());
+        positions.extend([p, p + along, p + along * rng.unit() + width]);
+    }
+    Mesh::new(positions, (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect::<Vec<_>>())
+}
+
+#[test]
+fn nothing_is_lost_at_the_planes_between_cells() {
+    for round in 0..hunt(2) {
+        let mut rng = Rng::new(60 + round);
+        let meshes = [slivers(&mut rng, 300)];
+        let tree = build(&meshes);
+        let leaves = leaves(&tree);
+        // A point of a triangle, moved along it to where it meets a side of a cell that lists it.
+        let mut target = || {
+            let (cell, list) = leaves[rng.below(leaves.len())];
+            let axis = rng.below(3);
+            let plane = if rng.bits() & 1 == 0 { cell.min[axis] } else { cell.max[axis] };
+            let Some(&index) = list.get(rng.below(list.len().max(1))) else { return (cell.center(), axis) };
+            let [a, b, c] = tree.corners()[index as usize].map(Vec3::from_array);
+            let (u, v) = (rng.unit(), rng.unit());
+            let (from, to) = (a.lerp(c, u), b.lerp(c, v));
+            let s = (plane - from[axis]) / (to[axis] - from[axis]);
+            (if (0.0..=1.0).contains(&s) { from.lerp(to, s) } else { from.lerp(to, v) }, axis)
+        };
+        let targets: Vec<_> = (0..800).map(|_| target()).collect();
+        // Half of the rays almost in the plane.
+        let rays: Vec<_> = targets[..500]
+            .iter()
+            .enumerate()
+            .map(|(i, &(to, axis))| {
+                let mut direction = rng.vec() * 15.0;
+                if i % 2 == 0 {
+                    direction[axis] *= 10.0_f32.powf(-8.0 * rng.unit());
+                }
+                Ray::new(to - direction, direction)
+            })
+            .collect();
+        let mut tile = Tile::new(targets[0].0 + rng.vec() * 10.0);
+        while tile.push(targets[500 + rng.below(300)].0 - tile.origin(), f32::INFINITY).is_some() {}
+        check_all(&kd_object(&meshes), &rays, &[tile], 2.0e-6 * 40.0);
     }
 }
 

@@ -26,6 +26,8 @@ pub(crate) struct WideTree {
     pub compact: Vec<CompactNode>,
     /// Largest coordinate magnitude per axis: the scale of rounding errors in box tests.
     pub extent: [f32; 3],
+    /// Rounding errors that boxes bear beside those of the box tests, in units of these.
+    pub excess: f32,
     pub leaves: usize,
     /// Where runs of nodes begin that refer to nothing outside but blocks, and the number of nodes. The first run is
     /// the top, which refers to the first nodes of the others. In each, children come behind their parents.
@@ -42,6 +44,13 @@ impl WideTree {
     /// Number of nodes.
     pub(crate) fn len(&self) -> usize {
         self.nodes.len() + self.compact.len()
+    }
+
+    /// What rounding errors of box tests are measured by, for rays whose origins have coordinates up to `origin`.
+    #[inline(always)]
+    pub(crate) fn reach(&self, origin: f32) -> f32 {
+        let [x, y, z] = self.extent;
+        origin.max(x).max(y).max(z) * (1.0 + self.excess)
     }
 
     /// The nodes of either layout, for a traversal to hold on to.
@@ -338,6 +347,7 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
         nodes: (0..total).into_par_iter().with_min_len(1024).map(moved).collect(),
         compact: Vec::new(),
         extent,
+        excess: 0.0,
         parts: node_starts.iter().map(|&start| start as u32).collect(),
         leaves: parts.iter().map(|part| part.leaves).sum(),
         sah: (parts.iter().map(|part| part.cost).sum::<f64>() * scale) as f32,

@@ -1,5 +1,6 @@
 //! Objects: triangles and placed copies of other objects, nested to any depth up to a stated limit.
 mod edit;
+mod open;
 mod place;
 mod tree;
 mod update;
@@ -12,7 +13,8 @@ pub(crate) use self::place::double;
 pub use self::update::{InstanceChange, Update, UpdateKind};
 use self::{place::Placement, tree::InstanceTree};
 use crate::{
-    aabb::Aabb, error::BuildError, quadric::Quadrics, triangle_bvh::TriangleBvh, triangles::Triangles,
+    aabb::Aabb, error::BuildError, layout::Child, quadric::Quadrics, triangle_bvh::TriangleBvh,
+    triangles::Triangles,
 };
 
 /// The deepest nesting of instances.
@@ -56,7 +58,8 @@ impl Instance {
 }
 
 /// Triangles, spheres and cones, and instances of other objects, in one space, shared by `Arc`: making or updating an object never
-/// touches the trees of its children, only a small tree over their bounds.
+/// touches the trees of its children, only a small tree over their bounds. Where the box of a
+/// child fits so badly that it pays, the tree is made over boxes of its parts instead, at which rays then enter it.
 #[derive(Clone)]
 pub struct Object {
     pub(crate) triangles: Option<Triangles>,
@@ -126,13 +129,9 @@ impl Object {
             normal_from_object: placement.normal_from_object,
             path_offset: 0,
         });
-        let mut object = Self {
-            triangles,
-            instances: placed.collect(),
-            instance_tree: InstanceTree::build(boxes),
-            depth,
-            ..Self::empty()
-        };
+        let instances: Vec<_> = placed.collect();
+        let instance_tree = InstanceTree::build(&instances, boxes);
+        let mut object = Self { triangles, instances, instance_tree, depth, ..Self::empty() };
         object.number_paths();
         object.unite_bounds();
         object.look_for_motion();
@@ -193,6 +192,16 @@ impl Object {
     #[must_use]
     pub fn has_motion(&self) -> bool {
         self.moving
+    }
+
+    /// What a leaf of the tree over the instances stands for: an instance, and where its triangle tree is entered.
+    #[inline(always)]
+    pub(crate) fn behind(&self, leaf: Child) -> (&PlacedInstance, Child) {
+        let index = leaf.payload() as usize;
+        match self.instance_tree.entries.get(index) {
+            Some(entry) => (&self.instances[entry.instance as usize], entry.child),
+            None => (&self.instances[index], Child::ROOT),
+        }
     }
 
     fn look_for_motion(&mut self) {

@@ -82,7 +82,7 @@ pub(crate) fn between(from: &Affine3A, to: &Affine3A, time: f32) -> Affine3A {
 }
 
 /// Keeps boxes within the range in which the box test's arithmetic is finite; far things stay approximately there.
-fn packed(bounds: Aabb) -> PackedBox {
+pub(super) fn packed(bounds: Aabb) -> PackedBox {
     let limit = Vec3::splat(MAX_COORDINATE);
     if bounds.is_empty() || bounds.min.cmpgt(limit).any() || bounds.max.cmplt(-limit).any() {
         return PackedBox::EMPTY;

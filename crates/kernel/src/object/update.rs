@@ -27,7 +27,7 @@ pub enum UpdateKind {
     /// New boxes everywhere: so many instances changed that going path by path would take longer.
     Refitted,
     /// A new tree, because the refitted one would have cost more than 1.3 times what it did when it was built, or
-    /// because an instance came into range that had no leaf.
+    /// because an instance came into range that had no leaf, or places what is entered at other parts.
     Rebuilt,
 }
 
@@ -116,9 +116,10 @@ impl Object {
         let (sah_before, _) = tree.sah();
         let mut whole = true;
         for (change, placement) in changes.iter().zip(placements) {
-            whole &= tree.set_box(change.index, placement.bounds);
+            let placed = &self.instances[change.index];
+            whole &= tree.set_box(change.index, placed, placement.bounds);
         }
-        let (kind, nodes) = if changes.len() * PATH_NODES < tree.nodes() {
+        let (kind, nodes) = if changes.len() * tree.leaves_each() * PATH_NODES < tree.nodes() {
             (UpdateKind::RefittedPaths, tree.refit_paths(changes.iter().map(|change| change.index)))
         } else {
             tree.refit();
@@ -128,7 +129,7 @@ impl Object {
         let mut update =
             Update { kind, nodes, sah_before, sah_refitted, sah: sah_refitted, sah_at_build: built };
         if !whole || sah_refitted > WORN * built {
-            tree.rebuild();
+            tree.rebuild(&self.instances);
             (update.kind, update.nodes) = (UpdateKind::Rebuilt, tree.nodes());
             (update.sah, update.sah_at_build) = tree.sah();
         }

@@ -2,7 +2,7 @@
 use crate::{
     compact::Blocks,
     layout::{Block, Child},
-    object::PlacedInstance,
+    object::Object,
     prefetch::prefetch,
 };
 
@@ -30,9 +30,12 @@ impl Leaves for Blocks<'_> {
     }
 }
 
-impl Leaves for [PlacedInstance] {
+/// The instances of an object.
+impl Leaves for Object {
     #[inline(always)]
     fn prefetch(&self, leaf: Child) {
-        prefetch(self, leaf.payload() as usize);
+        let index = leaf.payload() as usize;
+        let entry = self.instance_tree.entries.get(index);
+        prefetch(&self.instances, entry.map_or(index, |entry| entry.instance as usize));
     }
 }

@@ -2,6 +2,7 @@
 use fearless_simd::{Level, Simd};
 
 use super::{
+    Within,
     descent::{self, Answers, Scratch},
     instances,
     local::LocalRay,
@@ -10,6 +11,7 @@ use super::{
     stack::Stack,
 };
 use crate::{
+    layout::Child,
     object::Object,
     ray::{Hit, PathId, Ray},
     through::{Panes, Screen, Shadows, Sight},
@@ -37,7 +39,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         hits.fill(Hit::MISS);
         let sorted = Octants::sort(rays, hits.len());
         if let Some(bvh) = flat(root) {
-            let screen = Screen { bvh, panes: Panes::NONE };
+            let screen = Screen { bvh, start: Child::ROOT, panes: Panes::NONE };
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
                 let lanes = packet.lanes();
@@ -59,7 +61,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
             let lanes = packet.lanes();
             descent::through::<S, false>(
                 simd,
-                root,
+                (root, Child::ROOT),
                 PathId::ROOT,
                 &mut packet,
                 lanes,
@@ -89,7 +91,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadow
         shadows.clear(first, rays.len());
         let sorted = Octants::sort(rays, rays.len());
         if let Some(bvh) = flat(root) {
-            let screen = Screen { bvh, panes: Panes::of(shadows.through, PathId::ROOT) };
+            let screen = Screen { bvh, start: Child::ROOT, panes: Panes::of(shadows.through, PathId::ROOT) };
             for indices in sorted.packets() {
                 load(&mut packet, rays, indices);
                 let lanes = packet.lanes();
@@ -106,7 +108,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadow
             let lanes = packet.lanes();
             let found = descent::through::<S, true>(
                 simd,
-                root,
+                (root, Child::ROOT),
                 PathId::ROOT,
                 &mut packet,
                 lanes,
@@ -196,7 +198,7 @@ impl Octants {
 fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> Hit {
     let mut hit = Hit::MISS;
     if let Some(local) = LocalRay::new(ray) {
-        instances::closest(simd, root, &local, PathId::ROOT, &mut hit, stack);
+        instances::closest(simd, (root, Child::ROOT), &local, PathId::ROOT, &mut hit, stack);
     }
     hit
 }
@@ -204,7 +206,7 @@ fn closest<S: Simd>(simd: S, root: &Object, ray: &Ray, stack: &mut Stack) -> Hit
 #[inline(always)]
 fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, sight: &mut Sight<'_>, stack: &mut Stack) -> bool {
     match LocalRay::new(ray) {
-        Some(local) => instances::any(simd, root, &local, PathId::ROOT, sight, stack),
+        Some(local) => instances::any(simd, (root, Child::ROOT), &local, PathId::ROOT, sight, stack),
         None => false,
     }
 }
@@ -213,7 +215,7 @@ fn any<S: Simd>(simd: S, root: &Object, ray: &Ray, sight: &mut Sight<'_>, stack:
 #[inline(never)]
 pub(super) fn closest_local<S: Simd>(
     simd: S,
-    object: &Object,
+    within: Within<'_>,
     ray: &LocalRay,
     path: PathId,
     hit: &mut Hit,
@@ -221,7 +223,7 @@ pub(super) fn closest_local<S: Simd>(
 ) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || instances::closest(simd, object, ray, path, hit, stack),
+        || instances::closest(simd, within, ray, path, hit, stack),
     )
 }
 
@@ -229,7 +231,7 @@ pub(super) fn closest_local<S: Simd>(
 #[inline(never)]
 pub(super) fn any_local<S: Simd>(
     simd: S,
-    object: &Object,
+    within: Within<'_>,
     ray: &LocalRay,
     path: PathId,
     sight: &mut Sight<'_>,
@@ -237,6 +239,6 @@ pub(super) fn any_local<S: Simd>(
 ) -> bool {
     simd.vectorize(
         #[inline(always)]
-        || instances::any(simd, object, ray, path, sight, stack),
+        || instances::any(simd, within, ray, path, sight, stack),
     )
 }

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 
 use super::{
-    batch,
+    Within, batch,
     instances::{self, carry_normal},
     packet::{Octant, Packet, Visit},
     settle::{LANES, MeshOf},
@@ -66,7 +66,7 @@ pub(super) fn takes_packets(object: &Object) -> bool {
 #[inline(never)]
 pub(super) fn through<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    within: Within<'_>,
     path: PathId,
     packet: &mut Packet,
     bits: u16,
@@ -75,14 +75,14 @@ pub(super) fn through<S: Simd, const ANY: bool>(
 ) -> u16 {
     simd.vectorize(
         #[inline(always)]
-        || in_object::<S, ANY>(simd, object, path, packet, bits, answers, scratch),
+        || in_object::<S, ANY>(simd, within, path, packet, bits, answers, scratch),
     )
 }
 
 #[inline(always)]
 fn in_object<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     path: PathId,
     packet: &mut Packet,
     bits: u16,
@@ -90,15 +90,15 @@ fn in_object<S: Simd, const ANY: bool>(
     scratch: &mut Scratch,
 ) -> u16 {
     if !takes_packets(object) {
-        return one_by_one::<S, ANY>(simd, object, path, packet, bits, answers, scratch);
+        return one_by_one::<S, ANY>(simd, (object, start), path, packet, bits, answers, scratch);
     }
     let mut found = 0;
     if let Some(Triangles::Bvh(bvh)) = &object.triangles {
         let panes = if ANY { Panes::of(answers.through, path) } else { Panes::NONE };
-        found = triangles::<S, ANY>(simd, Screen { bvh, panes }, path, packet, bits, answers, scratch);
+        found = triangles::<S, ANY>(simd, Screen { bvh, start, panes }, path, packet, bits, answers, scratch);
     }
     if !object.instance_tree.wide.nodes.is_empty() {
-        packet.prepare_boxes(simd, object.instance_tree.wide.extent);
+        packet.prepare_boxes(simd, &object.instance_tree.wide);
         let mut rest = if ANY { bits & !found } else { bits };
         while rest != 0 {
             let (octant, alike) = packet.octant(rest);
@@ -151,7 +151,7 @@ fn placed<S: Simd, const ANY: bool>(
 ) -> u16 {
     let nodes = &object.instance_tree.wide.nodes[..];
     let mark = scratch.visits.len();
-    scratch.visits.push(packet.root(simd, bits));
+    scratch.visits.push(packet.visit(simd, Child::ROOT, bits));
     let mut found = 0;
     while scratch.visits.len() > mark {
         let Some(visit) = scratch.visits.pop() else { break };
@@ -163,11 +163,10 @@ fn placed<S: Simd, const ANY: bool>(
         if bits.count_ones() <= FEW {
             found |= alone::<S, ANY>(simd, object, path, packet, visit.child, octant, bits, answers, scratch);
         } else if visit.child.is_leaf() {
-            let placed = &object.instances[visit.child.payload() as usize];
-            found |= enter::<S, ANY>(simd, placed, path, packet, bits, answers, scratch);
+            found |= enter::<S, ANY>(simd, object.behind(visit.child), path, packet, bits, answers, scratch);
         } else {
             let node = &nodes[visit.child.0 as usize];
-            packet.open(simd, node, &object.instances[..], octant, wanting, &mut scratch.visits);
+            packet.open(simd, node, object, octant, wanting, &mut scratch.visits);
         }
     }
     found
@@ -177,7 +176,7 @@ fn placed<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn enter<S: Simd, const ANY: bool>(
     simd: S,
-    placed: &PlacedInstance,
+    (placed, start): (&PlacedInstance, Child),
     path: PathId,
     packet: &mut Packet,
     bits: u16,
@@ -187,7 +186,8 @@ fn enter<S: Simd, const ANY: bool>(
     let mut below = scratch.spare.pop().unwrap_or_else(|| Box::new(Packet::EMPTY));
     let bits = below.carry(simd, packet, &placed.object_from_parent, bits);
     let path = PathId(path.0 + placed.path_offset);
-    let found = through::<S, ANY>(simd, &placed.instance.object, path, &mut below, bits, answers, scratch);
+    let within = (&*placed.instance.object, start);
+    let found = through::<S, ANY>(simd, within, path, &mut below, bits, answers, scratch);
     packet.limit = below.limit;
     packet.met |= below.met;
     scratch.spare.push(below);
@@ -239,7 +239,7 @@ fn alone<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn one_by_one<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    within: Within<'_>,
     path: PathId,
     packet: &mut Packet,
     bits: u16,
@@ -251,7 +251,7 @@ fn one_by_one<S: Simd, const ANY: bool>(
         let ray = packet.ray(lane);
         if ANY {
             let mut sight = Sight { through: answers.through, met: false };
-            if batch::any_local(simd, object, &ray, path, &mut sight, stack) {
+            if batch::any_local(simd, within, &ray, path, &mut sight, stack) {
                 packet.limit[lane] = -1.0;
                 found |= 1 << lane;
             }
@@ -259,7 +259,7 @@ fn one_by_one<S: Simd, const ANY: bool>(
             continue;
         }
         let hit = answers.of(lane);
-        if batch::closest_local(simd, object, &ray, path, hit, stack) {
+        if batch::closest_local(simd, within, &ray, path, hit, stack) {
             packet.settle(lane, hit.t);
             found |= 1 << lane;
         }

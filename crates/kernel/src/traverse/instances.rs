@@ -2,7 +2,7 @@
 use fearless_simd::{f32x8, prelude::*};
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::{local::LocalRay, quadrics, settle, single, slab::Slab, stack::Stack};
+use super::{Within, local::LocalRay, quadrics, settle, single, slab::Slab, stack::Stack};
 use crate::{
     compact::{BlockSource, MovingBlocks},
     kdtree,
@@ -18,7 +18,7 @@ use crate::{
 #[inline(always)]
 pub(super) fn closest<S: Simd>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     ray: &LocalRay,
     path: PathId,
     hit: &mut Hit,
@@ -26,7 +26,7 @@ pub(super) fn closest<S: Simd>(
 ) -> bool {
     let mut found = false;
     if let Some(triangles) = &object.triangles
-        && let Some(nearest) = closest_triangle(simd, triangles, ray, path, ray.reach(hit.t), stack)
+        && let Some(nearest) = closest_triangle(simd, (triangles, start), ray, path, ray.reach(hit.t), stack)
         && nearest.precedes(hit)
     {
         *hit = nearest;
@@ -45,7 +45,7 @@ pub(super) fn closest<S: Simd>(
 #[inline(always)]
 fn closest_triangle<S: Simd>(
     simd: S,
-    triangles: &Triangles,
+    (triangles, start): (&Triangles, Child),
     ray: &LocalRay,
     path: PathId,
     limit: f32,
@@ -54,8 +54,8 @@ fn closest_triangle<S: Simd>(
     let (corners, (geometry, primitive)) = match triangles {
         Triangles::Bvh(bvh) => {
             let (corners, triangle) = match bvh.moving_blocks(ray.time) {
-                None => nearest(simd, bvh, bvh.blocks(), ray, limit, stack)?,
-                Some(blocks) => nearest_moving(simd, bvh, blocks, ray, limit, stack)?,
+                None => nearest(simd, (bvh, start), bvh.blocks(), ray, limit, stack)?,
+                Some(blocks) => nearest_moving(simd, (bvh, start), blocks, ray, limit, stack)?,
             };
             (corners, bvh.locate(triangle))
         }
@@ -73,13 +73,13 @@ type Nearest = ([[f32; 3]; 3], u32);
 #[inline(always)]
 fn nearest<S: Simd>(
     simd: S,
-    bvh: &TriangleBvh,
+    (bvh, start): (&TriangleBvh, Child),
     blocks: impl BlockSource,
     ray: &LocalRay,
     limit: f32,
     stack: &mut Stack,
 ) -> Option<Nearest> {
-    let best = single::closest(simd, bvh, blocks, ray, limit, stack)?;
+    let best = single::closest(simd, (bvh, start), blocks, ray, limit, stack)?;
     let mut place = None;
     let (block, lane) = (best.id as usize / WIDTH, best.id as usize % WIDTH);
     let block = blocks.block(block, &mut place);
@@ -90,7 +90,7 @@ fn nearest<S: Simd>(
 #[inline(never)]
 fn nearest_moving<S: Simd>(
     simd: S,
-    bvh: &TriangleBvh,
+    tree: (&TriangleBvh, Child),
     blocks: MovingBlocks<'_>,
     ray: &LocalRay,
     limit: f32,
@@ -98,7 +98,7 @@ fn nearest_moving<S: Simd>(
 ) -> Option<Nearest> {
     simd.vectorize(
         #[inline(always)]
-        || nearest(simd, bvh, blocks, ray, limit, stack),
+        || nearest(simd, tree, blocks, ray, limit, stack),
     )
 }
 
@@ -127,7 +127,7 @@ fn closest_instance<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
+    let slab = Slab::new(simd, ray, &object.instance_tree.wide);
     closest_instance_below(simd, object, ray, &slab, Child::inner(0), path, hit, stack)
 }
 
@@ -153,8 +153,7 @@ pub(super) fn closest_instance_below<S: Simd>(
     let mut current = start;
     loop {
         if current.is_leaf() {
-            let placed = &object.instances[current.payload() as usize];
-            found |= enter_closest(simd, placed, ray, path, hit, stack);
+            found |= enter_closest(simd, object.behind(current), ray, path, hit, stack);
         } else {
             let node = &nodes[current.0 as usize];
             let (enter, bits) = slab.test(node, f32x8::splat(simd, ray.reach(hit.t)));
@@ -178,7 +177,7 @@ pub(super) fn closest_instance_below<S: Simd>(
 #[inline(never)]
 fn enter_closest<S: Simd>(
     simd: S,
-    placed: &PlacedInstance,
+    (placed, start): (&PlacedInstance, Child),
     ray: &LocalRay,
     path: PathId,
     hit: &mut Hit,
@@ -197,7 +196,7 @@ fn enter_closest<S: Simd>(
     let object = &placed.instance.object;
     let found = simd.vectorize(
         #[inline(always)]
-        || closest(simd, object, &local, path, hit, stack),
+        || closest(simd, (object, start), &local, path, hit, stack),
     );
     if found {
         hit.ng = carry_normal(normal_from_object, hit.ng);
@@ -218,7 +217,7 @@ pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
 #[inline(always)]
 pub(super) fn any<S: Simd>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     ray: &LocalRay,
     path: PathId,
     sight: &mut Sight<'_>,
@@ -230,10 +229,10 @@ pub(super) fn any<S: Simd>(
         None => false,
         Some(Triangles::Bvh(bvh)) => match bvh.moving_blocks(ray.time) {
             None if panes.is_empty() => {
-                single::any::<S, false>(simd, Screen { bvh, panes }, bvh.blocks(), ray, met, stack)
+                single::any::<S, false>(simd, Screen { bvh, start, panes }, bvh.blocks(), ray, met, stack)
             }
-            None => any_apart(simd, Screen { bvh, panes }, bvh.blocks(), ray, met, stack),
-            Some(blocks) => any_apart(simd, Screen { bvh, panes }, blocks, ray, met, stack),
+            None => any_apart(simd, Screen { bvh, start, panes }, bvh.blocks(), ray, met, stack),
+            Some(blocks) => any_apart(simd, Screen { bvh, start, panes }, blocks, ray, met, stack),
         },
         Some(Triangles::KdTree(tree)) => {
             kdtree::single::any(tree, ray.origin, ray.direction, ray.t_min, ray.end, panes, met)
@@ -259,7 +258,7 @@ fn any_instance<S: Simd>(
     sight: &mut Sight<'_>,
     stack: &mut Stack,
 ) -> bool {
-    let slab = Slab::new(simd, ray, object.instance_tree.wide.extent);
+    let slab = Slab::new(simd, ray, &object.instance_tree.wide);
     any_instance_below(simd, object, ray, &slab, Child::inner(0), path, sight, stack)
 }
 
@@ -282,8 +281,7 @@ pub(super) fn any_instance_below<S: Simd>(
     let mut current = start;
     loop {
         if current.is_leaf() {
-            let placed = &object.instances[current.payload() as usize];
-            if enter_any(simd, placed, ray, path, sight, stack) {
+            if enter_any(simd, object.behind(current), ray, path, sight, stack) {
                 stack.cut(mark);
                 return true;
             }
@@ -309,7 +307,7 @@ pub(super) fn any_instance_below<S: Simd>(
 #[inline(never)]
 fn enter_any<S: Simd>(
     simd: S,
-    placed: &PlacedInstance,
+    (placed, start): (&PlacedInstance, Child),
     ray: &LocalRay,
     path: PathId,
     sight: &mut Sight<'_>,
@@ -325,6 +323,6 @@ fn enter_any<S: Simd>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || any(simd, object, &local, path, sight, stack),
+        || any(simd, (object, start), &local, path, sight, stack),
     )
 }

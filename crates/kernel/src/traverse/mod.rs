@@ -16,11 +16,15 @@ mod tile;
 use fearless_simd::{Level, Simd, dispatch};
 
 use crate::{
+    layout::Child,
     object::Object,
     ray::{Hit, Ray},
     through::Shadows,
     tile::Tile,
 };
+
+/// An object, and the child of its triangle tree at which it is entered. All else in it is met only from the root.
+type Within<'a> = (&'a Object, Child);
 
 /// Runs a tile kernel and returns from the function, if the level has vectors worth it; goes on otherwise. (Without
 /// vectors 16 lanes are 16 instructions: the single-ray kernel is then faster, and the other one would only cost

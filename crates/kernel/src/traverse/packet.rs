@@ -18,6 +18,7 @@ use super::{
     stack::Stack,
 };
 use crate::{
+    build::wide::WideTree,
     layout::{Block, Child, Node, WIDTH},
     through::Screen,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
@@ -156,8 +157,8 @@ impl Packet {
         (usable & largest.simd_ge(shortest)).to_bitmask() as u16
     }
 
-    /// Finds the closest hit of each ray in `bits`, or with `ANY` some hit that stops it; the answers are in `id` and `limit`. Returns
-    /// the lanes that have one.
+    /// Finds the closest hit of each ray in `bits` in a subtree, or with `ANY` some hit that stops it; the answers are in
+    /// `id` and `limit`. Returns the lanes that have one.
     #[inline(always)]
     pub(super) fn trace<S: Simd, const ANY: bool>(
         &mut self,
@@ -203,7 +204,7 @@ impl Packet {
             return 0;
         }
         self.id = [Self::NONE; LANES];
-        self.prepare_boxes(simd, tree.extent);
+        self.prepare_boxes(simd, tree);
         self.prepare_triangles(simd);
         let mut rest = bits;
         while rest != 0 {
@@ -228,7 +229,7 @@ impl Packet {
         let nodes = screen.bvh.tree.view();
         let many = self.many(bits);
         let mark = visits.len();
-        visits.push(self.root(simd, bits));
+        visits.push(self.visit(simd, screen.start, bits));
         while visits.len() > mark {
             let Some(visit) = visits.pop() else { return };
             let wanting = self.wanting(simd, &visit);
@@ -270,13 +271,13 @@ impl Packet {
         (Octant { number, near }, alike)
     }
 
-    /// The root of a tree, wanted by the lanes in `bits`.
+    /// A subtree that is wanted by the lanes in `bits`, wherever they enter it.
     #[inline(always)]
-    pub(super) fn root<S: Simd>(&self, simd: S, bits: u16) -> Visit {
+    pub(super) fn visit<S: Simd>(&self, simd: S, child: Child, bits: u16) -> Visit {
         let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
         let start = f32x16::load_array_ref(simd, &self.t_min);
         let enter = wanted.select(start, f32x16::splat(simd, f32::NAN));
-        Visit { enter: enter.into(), child: Child::inner(0) }
+        Visit { enter: enter.into(), child }
     }
 
     /// The lanes that enter a subtree before they end.
@@ -534,13 +535,13 @@ impl Packet {
 
     /// What [`Slab::new`] does, for all lanes.
     #[inline(always)]
-    pub(super) fn prepare_boxes<S: Simd>(&mut self, simd: S, extent: [f32; 3]) {
+    pub(super) fn prepare_boxes<S: Simd>(&mut self, simd: S, tree: &WideTree) {
         let o = load(simd, &self.origin);
         let d = load(simd, &self.direction);
         let (one, zero) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 0.0));
         let a = [d[0].abs(), d[1].abs(), d[2].abs()];
         let reach = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let reach = reach.max(f32x16::splat(simd, extent[0].max(extent[1]).max(extent[2])));
+        let reach = (reach * (1.0 + tree.excess)).max(f32x16::splat(simd, tree.reach(0.0)));
         let smallest = a[0].max(a[1]).max(a[2]) * slab::SMALLEST_COMPONENT;
         for axis in 0..3 {
             let inverse = one / a[axis].max(smallest).copysign(d[axis]);

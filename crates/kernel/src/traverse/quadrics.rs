@@ -67,7 +67,7 @@ fn trace<S: Simd, const ANY: bool>(
     if nodes.is_empty() {
         return None;
     }
-    let slab = Slab::new(simd, ray, quadrics.tree.extent);
+    let slab = Slab::new(simd, ray, &quadrics.tree);
     let mark = stack.mark();
     let (mut best, mut limit) = (None::<(usize, Crossing)>, limit);
     let mut current = Child::inner(0);

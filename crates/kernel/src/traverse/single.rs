@@ -61,11 +61,11 @@ pub(super) fn yielding(blocks: impl BlockSource, ids: &[u32; LANES], tied: u16, 
     yielding
 }
 
-/// The closest triangle with `t_min < t <= limit`.
+/// The closest triangle with `t_min < t <= limit` in the subtree `start`.
 #[inline(always)]
 pub(super) fn closest<S: Simd>(
     simd: S,
-    bvh: &TriangleBvh,
+    (bvh, start): (&TriangleBvh, Child),
     blocks: impl BlockSource,
     ray: &LocalRay,
     limit: f32,
@@ -74,10 +74,10 @@ pub(super) fn closest<S: Simd>(
     if bvh.tree.is_empty() {
         return None;
     }
-    let slab = Slab::new(simd, ray, bvh.tree.extent);
+    let slab = Slab::new(simd, ray, &bvh.tree);
     let shear = Shear::new(simd, ray);
     let best = Best::up_to(limit);
-    let best = closest_below(simd, bvh, blocks, &slab, &shear, Child::inner(0), best, stack);
+    let best = closest_below(simd, bvh, blocks, &slab, &shear, start, best, stack);
     (best.id != Best::NONE).then_some(best)
 }
 
@@ -152,8 +152,8 @@ fn closest_in_block<S: Simd>(
     }
 }
 
-/// Whether any triangle lies in the ray's interval. With `PAST` those that let light through do not count, and are noted
-/// in `met`.
+/// Whether any triangle of the subtree lies in the ray's interval. With `PAST` those that let light through do not count,
+/// and are noted in `met`.
 #[inline(always)]
 pub(super) fn any<S: Simd, const PAST: bool>(
     simd: S,
@@ -167,12 +167,12 @@ pub(super) fn any<S: Simd, const PAST: bool>(
     if tree.is_empty() {
         return false;
     }
-    let slab = Slab::new(simd, ray, tree.extent);
+    let slab = Slab::new(simd, ray, tree);
     let shear = Shear::new(simd, ray);
-    any_below::<S, PAST>(simd, screen, blocks, &slab, &shear, Child::inner(0), ray.end, met, stack)
+    any_below::<S, PAST>(simd, screen, blocks, &slab, &shear, screen.start, ray.end, met, stack)
 }
 
-/// As [`any`], in the subtree `start`, up to the distance `limit`, which counts.
+/// As [`any`], from `start` on instead, up to the distance `limit`, which counts.
 #[expect(
     clippy::too_many_arguments,
     reason = "a ray set up for boxes and triangles, and the tree in two parts"

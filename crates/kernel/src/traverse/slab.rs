@@ -2,7 +2,7 @@
 use fearless_simd::{f32x8, prelude::*};
 
 use super::local::LocalRay;
-use crate::layout::Node;
+use crate::{build::wide::WideTree, layout::Node};
 
 /// Directions this much smaller than the largest component count as this large: 1/d stays finite, and over the
 /// length of any scene the ray moves by less than the boxes are padded.
@@ -25,11 +25,11 @@ pub(super) struct Slab<S: Simd> {
 }
 
 impl<S: Simd> Slab<S> {
-    /// `extent` is the largest coordinate magnitude per axis in the tree.
+    /// For the boxes of `tree`.
     #[inline(always)]
-    pub(super) fn new(simd: S, ray: &LocalRay, extent: [f32; 3]) -> Self {
+    pub(super) fn new(simd: S, ray: &LocalRay, tree: &WideTree) -> Self {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-        let reach = ray.origin.abs().max_element().max(extent[0]).max(extent[1]).max(extent[2]);
+        let reach = tree.reach(ray.origin.abs().max_element());
         let smallest = ray.direction.abs().max_element() * SMALLEST_COMPONENT;
         let (mut inverse, mut near_shift, mut far_shift) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         let mut near = [0; 3];

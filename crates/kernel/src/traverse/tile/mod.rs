@@ -17,8 +17,9 @@ use self::{
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Rays, Work},
 };
-use super::{batch, local::LocalRay, stack::Stack};
+use super::{Within, batch, local::LocalRay, stack::Stack};
 use crate::{
+    layout::Child,
     object::Object,
     quadric::Quadrics,
     ray::{Hit, PathId},
@@ -188,7 +189,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, tile: &Tile, hits: &mut
     let mut answers = Answers::new(&mut *hits, None);
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
-    run::<S, false>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
+    run::<S, false>(simd, (root, Child::ROOT), PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     for (word, found) in answers.found.into_iter().enumerate() {
         let mut missed = !found;
         while missed != 0 {
@@ -211,7 +212,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, tile: &Tile, shadows: Sh
     let mut answers = Answers::new(&mut [], shadows.through);
     let Level { rays, faces } = &mut *level;
     let rays = usable(simd, rays, tile, len);
-    run::<S, true>(simd, root, PathId::ROOT, rays, faces, &mut answers, &mut scratch);
+    run::<S, true>(simd, (root, Child::ROOT), PathId::ROOT, rays, faces, &mut answers, &mut scratch);
     let Answers { found, met, .. } = answers;
     for (i, occluded) in shadows.occluded[..len].iter_mut().enumerate() {
         *occluded = has(&found, i as u8);
@@ -258,7 +259,7 @@ static IDENTITY: [u8; Tile::CAPACITY] = {
 #[inline(always)]
 fn run<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     path: PathId,
     rays: Rays<'_>,
     faces: &mut Faces,
@@ -268,13 +269,13 @@ fn run<S: Simd, const ANY: bool>(
     let Faces { chosen, work } = faces;
     let mut face = Face::of(rays.mean_direction(simd));
     if rays.all_on(simd, face) {
-        return one_face::<S, ANY>(simd, object, path, rays, face, work, answers, scratch);
+        return one_face::<S, ANY>(simd, (object, start), path, rays, face, work, answers, scratch);
     }
     let mut waiting = first_slots(rays.len);
     while let Some(first) = lowest(&waiting) {
         choose(rays, face, &mut waiting, chosen);
         if !chosen.tile.is_empty() {
-            one_face::<S, ANY>(simd, object, path, chosen.rays(), face, work, answers, scratch);
+            one_face::<S, ANY>(simd, (object, start), path, chosen.rays(), face, work, answers, scratch);
         }
         // A face takes the ray that it is the face of: the next round gets on.
         face = Face::of(rays.direction(lowest(&waiting).unwrap_or(first)));
@@ -299,7 +300,7 @@ fn choose(rays: Rays<'_>, face: Face, waiting: &mut Slots, chosen: &mut LevelRay
 #[inline(always)]
 fn few<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     path: PathId,
     rays: Rays<'_>,
     answers: &mut Answers<'_>,
@@ -310,13 +311,13 @@ fn few<S: Simd, const ANY: bool>(
         let slot = rays.slot[i];
         let found = if ANY {
             let mut sight = Sight { through: answers.through, met: false };
-            let found = batch::any_local(simd, object, &ray, path, &mut sight, &mut scratch.single);
+            let found = batch::any_local(simd, (object, start), &ray, path, &mut sight, &mut scratch.single);
             if sight.met {
                 answers.meet(slot);
             }
             found
         } else {
-            batch::closest_local(simd, object, &ray, path, answers.of(slot), &mut scratch.single)
+            batch::closest_local(simd, (object, start), &ray, path, answers.of(slot), &mut scratch.single)
         };
         if found {
             answers.set(slot);
@@ -331,7 +332,7 @@ fn few<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn one_face<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     path: PathId,
     rays: Rays<'_>,
     face: Face,
@@ -340,10 +341,10 @@ fn one_face<S: Simd, const ANY: bool>(
     scratch: &mut Scratch,
 ) {
     if rays.len < FEW_RAYS {
-        return few::<S, ANY>(simd, object, path, rays, answers, scratch);
+        return few::<S, ANY>(simd, (object, start), path, rays, answers, scratch);
     }
     work.project(simd, rays, face);
-    in_object::<S, ANY>(simd, object, path, rays, u16::MAX, false, work, answers, scratch);
+    in_object::<S, ANY>(simd, (object, start), path, rays, u16::MAX, false, work, answers, scratch);
 }
 
 /// Answers the groups in `mask` of projected rays in `object`. `shared`: others will use `work` after it.
@@ -354,7 +355,7 @@ fn one_face<S: Simd, const ANY: bool>(
 #[inline(always)]
 fn in_object<S: Simd, const ANY: bool>(
     simd: S,
-    object: &Object,
+    (object, start): Within<'_>,
     path: PathId,
     rays: Rays<'_>,
     mask: u16,
@@ -366,7 +367,7 @@ fn in_object<S: Simd, const ANY: bool>(
     let panes = if ANY { Panes::of(answers.through, path) } else { Panes::NONE };
     match &object.triangles {
         Some(Triangles::Bvh(bvh)) if !bvh.tree.is_empty() => {
-            let (screen, visits) = (Screen { bvh, panes }, &mut scratch.visits);
+            let (screen, visits) = (Screen { bvh, start, panes }, &mut scratch.visits);
             if ANY && !panes.is_empty() {
                 triangles_past(simd, screen, rays, mask, work, visits);
                 collect::met(rays, work, answers);
@@ -466,10 +467,10 @@ fn triangles<S: Simd, const ANY: bool, const PAST: bool>(
     visits: &mut Vec<Visit>,
 ) {
     let bvh = screen.bvh;
-    let frame = Frame::new(rays.origin.to_array(), bvh.tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), &bvh.tree, work);
     let mut setup = Setup::EMPTY;
     let mark = visits.len();
-    visits.push(Visit { mask, ..Visit::ROOT });
+    visits.push(Visit { child: screen.start, mask, ..Visit::ROOT });
     while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
         let (first, end) = visit.child.block_range();
         let leaf = Leaf::new(simd, &frame, screen, &visit.range, visit.mask, work);

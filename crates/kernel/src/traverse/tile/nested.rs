@@ -10,6 +10,7 @@ use super::{
     work::{GROUP, LevelRays, Rays, Work},
 };
 use crate::{
+    layout::Child,
     object::{Object, PlacedInstance},
     ray::PathId,
     traverse::{instances, local::LocalRay},
@@ -37,26 +38,25 @@ pub(super) fn instances<S: Simd, const ANY: bool>(
     scratch: &mut Scratch,
 ) {
     let tree = &object.instance_tree.wide;
-    let frame = Frame::new(rays.origin.to_array(), tree.extent, work);
+    let frame = Frame::new(rays.origin.to_array(), tree, work);
     let mark = scratch.visits.len();
     scratch.visits.push(Visit { mask, ..Visit::ROOT });
-    while let Some(visit) =
-        next_leaf(simd, tree, &object.instances[..], &frame, work, &mut scratch.visits, mark)
-    {
-        let placed = &object.instances[visit.child.payload() as usize];
+    while let Some(visit) = next_leaf(simd, tree, object, &frame, work, &mut scratch.visits, mark) {
+        let (placed, start) = object.behind(visit.child);
         let (mask, wanted) = rays_in_box(simd, work, visit.mask, &visit.range, frame.slack);
         if mask == 0 {
             continue;
         }
         let path = PathId(path.0 + placed.path_offset);
         if let Some(origin) = moved_origin(placed, rays) {
-            enter_moved::<S, ANY>(simd, placed, path, Rays { origin, ..rays }, mask, work, answers, scratch);
+            let rays = Rays { origin, ..rays };
+            enter_moved::<S, ANY>(simd, (placed, start), path, rays, mask, work, answers, scratch);
         } else {
             let mut level = scratch.take();
             if descend::<S, ANY>(simd, placed, rays, work, mask, &wanted, &mut level.rays) {
                 let before = std::mem::take(&mut answers.below);
                 let Level { rays: below, faces } = &mut *level;
-                enter::<S, ANY>(simd, placed, path, below.rays(), faces, answers, scratch);
+                enter::<S, ANY>(simd, (placed, start), path, below.rays(), faces, answers, scratch);
                 let below = std::mem::replace(&mut answers.below, before);
                 merge::<S, ANY>(simd, placed, rays, work, mask, &wanted, &below, answers);
             }
@@ -88,7 +88,7 @@ fn moved_origin(placed: &PlacedInstance, rays: Rays<'_>) -> Option<Vec3> {
 #[inline(never)]
 fn enter_moved<S: Simd, const ANY: bool>(
     simd: S,
-    placed: &PlacedInstance,
+    (placed, start): (&PlacedInstance, Child),
     path: PathId,
     rays: Rays<'_>,
     mask: u16,
@@ -99,7 +99,7 @@ fn enter_moved<S: Simd, const ANY: bool>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || in_object::<S, ANY>(simd, object, path, rays, mask, true, work, answers, scratch),
+        || in_object::<S, ANY>(simd, (object, start), path, rays, mask, true, work, answers, scratch),
     );
 }
 
@@ -142,9 +142,9 @@ fn descend<S: Simd, const ANY: bool>(
 
 /// A call of its own, so that nesting recurses; it takes the instruction set along.
 #[inline(never)]
-pub(super) fn enter<S: Simd, const ANY: bool>(
+fn enter<S: Simd, const ANY: bool>(
     simd: S,
-    placed: &PlacedInstance,
+    (placed, start): (&PlacedInstance, Child),
     path: PathId,
     rays: Rays<'_>,
     faces: &mut Faces,
@@ -154,7 +154,7 @@ pub(super) fn enter<S: Simd, const ANY: bool>(
     let object = &placed.instance.object;
     simd.vectorize(
         #[inline(always)]
-        || run::<S, ANY>(simd, object, path, rays, faces, answers, scratch),
+        || run::<S, ANY>(simd, (object, start), path, rays, faces, answers, scratch),
     );
 }
 

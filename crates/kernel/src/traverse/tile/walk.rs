@@ -32,9 +32,10 @@ pub(super) struct Visit {
 impl Visit {
     /// The whole tree.
     pub(super) const ROOT: Self = {
-        let all = [f32::NEG_INFINITY, f32::INFINITY];
-        let range = BoxRange { near: 0.0, far: f32::INFINITY, u: all, v: all };
-        Self { child: Child::inner(0), mask: u16::MAX, range }
+        // Finite, because a leaf is tested, and 0 · ∞ is NaN.
+        let all = [-f32::MAX, f32::MAX];
+        let range = BoxRange { near: 0.0, far: f32::MAX, u: all, v: all };
+        Self { child: Child::ROOT, mask: u16::MAX, range }
     };
 }
 
@@ -70,10 +71,10 @@ pub(super) struct BoxRange {
 
 impl Frame {
     #[inline(always)]
-    pub(super) fn new(origin: [f32; 3], extent: [f32; 3], work: &Work) -> Self {
+    pub(super) fn new(origin: [f32; 3], tree: &WideTree, work: &Work) -> Self {
         let face = work.face;
         let [u, v, k] = face.axes;
-        let reach = (0..3).fold(0.0_f32, |m, axis| m.max(origin[axis].abs()).max(extent[axis]));
+        let reach = tree.reach(origin.iter().fold(0.0, |m, o| o.abs().max(m)));
         let negative = |x: f32| usize::from(x < 0.0);
         let octant = negative(work.rect[0] + work.rect[1]) << u
             | negative(work.rect[2] + work.rect[3]) << v
