@@ -1,6 +1,6 @@
 //! A handful of points that the camera sees: what lights them matters.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::sampling::cosine_hemisphere;
@@ -26,7 +26,7 @@ pub(super) struct Seen {
     /// Off the surface, world space.
     pub(super) position: Vec3,
     pub(super) normal: Vec3,
-    /// What the camera sees of a white surface there.
+    /// What the camera sees of light there: the reflectance, and what mirrors on the way have left.
     pub(super) weight: f32,
 }
 
@@ -65,7 +65,7 @@ impl Sight {
         let start = |index: usize| {
             let sampler = Sampler::along(index as u32, seed ^ SEED);
             let [x, y, u, v] = sampler.set(0);
-            let camera = view.camera.ray(size * glam::Vec2::new(x, y), glam::Vec2::new(u, v), 0.0);
+            let camera = view.camera.ray(size * Vec2::new(x, y), Vec2::new(u, v), 0.0);
             EyeRay { sampler, ray: Ray::new(camera.origin, camera.direction), weight: 1.0, edges: 0 }
         };
         let mut eyes: Vec<EyeRay> = (0..RAYS).map(start).collect();
@@ -102,11 +102,11 @@ impl Sight {
             return (eye.edges < MAX_EDGES).then_some(eye);
         }
         let dull = luminance(surface.bsdf.albedo_of(DULL).into());
-        if dull > 0.0 {
+        if dull > 0.0 && self.points.len() < Tile::CAPACITY {
             self.points.push(Seen::at(&surface, eye.weight * dull));
         }
         let sample = surface.bsdf.sample(u_lobe, [u, v], MIRRORS);
-        if !sample.valid || eye.edges >= MAX_EDGES || self.points.len() >= Tile::CAPACITY {
+        if !sample.valid || eye.edges >= MAX_EDGES {
             return None;
         }
         eye.weight *= luminance(sample.weight.into());
