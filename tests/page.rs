@@ -26,6 +26,13 @@ fn wait_for_next_still(tab: &Tab<'_>) {
     tab.wait("heliostat.header.number > seen && heliostat.header.still && heliostat.header.frames >= 2 && heliostat.header.input > 0");
 }
 
+/// Chooses something from a list.
+fn choose(tab: &Tab<'_>, id: &str, value: &str) {
+    tab.value(&format!(
+        "(() => {{ const f = document.getElementById('{id}'); f.value = '{value}'; f.dispatchEvent(new Event('input')); }})()"
+    ));
+}
+
 /// Where a point of the picture is on the page.
 fn on_page(tab: &Tab<'_>, x: f64, y: f64) -> [f64; 2] {
     let find = "(() => { const b = document.getElementById('picture').getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; })()";
@@ -103,20 +110,52 @@ fn a_user_looks_around_picks_changes_plays_and_switches() {
     tab.wait("!heliostat.state.scene.recording");
     let keys = tab.value("fetch('/replay.json').then(r => r.json()).then(r => r.keys.length)");
     assert!(keys.as_u64() >= Some(2), "{keys} views recorded");
+    assert!(tab.value("heliostat.state.scene.recorded").as_f64() > Some(0.0));
+    tab.value("document.getElementById('forget').click()");
+    tab.wait("heliostat.state.scene.recorded === null && document.getElementById('forget').hidden");
+    assert_eq!(tab.value("fetch('/replay.json').then(r => r.json()).then(r => r.keys.length)"), 1);
 
     // Other renderers and planes.
     for (id, value, check) in [
         ("renderer", "direct", "heliostat.state.scene.renderer === 'direct'"),
         ("plane", "normal", "heliostat.state.scene.plane === 'normal'"),
     ] {
-        tab.value(&format!(
-            "(() => {{ const f = document.getElementById('{id}'); f.value = '{value}'; f.dispatchEvent(new Event('input')); }})()"
-        ));
+        choose(&tab, id, value);
         tab.wait(check);
         tab.wait("heliostat.header.still");
         std::thread::sleep(std::time::Duration::from_millis(500));
         tab.screenshot(&format!("6-{value}"));
     }
+
+    // False colours, filters with their parameters, tone curves; and the picture as it is again.
+    tab.value("document.getElementById('plain').click()");
+    tab.wait("heliostat.state.scene.plane === null && document.getElementById('plain').disabled");
+    choose(&tab, "surfaces", "show-depth");
+    tab.wait("heliostat.state.scene.surfaces?.parameters.far > 1 && heliostat.header.exposure === 0");
+    wait_for_next_still(&tab);
+    tab.screenshot("6-false-depth");
+    choose(&tab, "surfaces", "");
+    choose(&tab, "effect", "edges");
+    tab.wait("heliostat.state.scene.effects[0]?.name === 'edges' && heliostat.state.scene.surfaces === null");
+    wait_for_next_still(&tab);
+    let lines = means(&tab);
+    tab.value("(() => { const f = document.querySelector('#effect-fields [data-parameter=paper]'); f.value = 1; f.dispatchEvent(new Event('input')); })()");
+    tab.wait("heliostat.state.scene.effects[0].parameters.paper === 1");
+    wait_for_next_still(&tab);
+    assert!(means(&tab)[0] > 1.2 * lines[0], "white paper: {lines:?} {:?}", means(&tab));
+    tab.screenshot("6-edges");
+    choose(&tab, "effect", "heat");
+    tab.wait("heliostat.state.scene.effects.length === 2");
+    tab.value("document.querySelector('#effect-fields button').click()");
+    tab.wait(
+        "heliostat.state.scene.effects.length === 1 && heliostat.state.scene.effects[0].name === 'heat'",
+    );
+    choose(&tab, "tone", "agx");
+    tab.wait("heliostat.state.scene.tone?.name === 'agx'");
+    wait_for_next_still(&tab);
+    tab.screenshot("6-heat");
+    tab.value("document.getElementById('plain').click()");
+    tab.wait("heliostat.state.scene.tone === null && heliostat.state.scene.effects.length === 0");
 
     // Help, by its key; the page says what it is to those who cannot see it.
     tab.click(on_page(&tab, 0.9, 0.9));

@@ -19,6 +19,11 @@ const RELEASE: u8 = 3;
 const BUTTON_PRESS: u8 = 4;
 const BUTTON_RELEASE: u8 = 5;
 const MOTION: u8 = 6;
+/// Symbols of keys that write nothing.
+const BACKSPACE: u32 = 0xFF08;
+const TAB: u32 = 0xFF09;
+const SHIFT: u32 = 0xFFE1;
+const F1: u32 = 0xFFBE;
 
 /// A display without a screen, and a window on it.
 struct Display {
@@ -120,15 +125,32 @@ impl Display {
 
     /// Presses the key that writes this letter.
     fn key(&self, letter: u8) {
+        self.key_of(letter.into());
+    }
+
+    /// Presses a key while another one is held.
+    fn key_with(&self, held: u32, symbol: u32) {
+        let code = self.code(held);
+        self.fake(PRESS, code, [0; 2]);
+        self.key_of(symbol);
+        self.fake(RELEASE, code, [0; 2]);
+    }
+
+    /// Presses the key of this symbol.
+    fn key_of(&self, symbol: u32) {
+        let code = self.code(symbol);
+        self.fake(PRESS, code, [0; 2]);
+        self.fake(RELEASE, code, [0; 2]);
+    }
+
+    fn code(&self, symbol: u32) -> u8 {
         let setup = self.connection.setup();
         let (first, last) = (setup.min_keycode, setup.max_keycode);
         let reply = self.connection.get_keyboard_mapping(first, last - first + 1).expect("a request");
         let map = reply.reply().expect("a keyboard");
         let per = usize::from(map.keysyms_per_keycode);
-        let index = map.keysyms.chunks(per).position(|symbols| symbols.contains(&u32::from(letter)));
-        let code = first + index.expect("a key") as u8;
-        self.fake(PRESS, code, [0; 2]);
-        self.fake(RELEASE, code, [0; 2]);
+        let index = map.keysyms.chunks(per).position(|symbols| symbols.contains(&symbol));
+        first + index.expect("a key") as u8
     }
 
     /// Writes the screen to a file beside the other products of the tests, to be looked at.
@@ -181,6 +203,26 @@ fn a_window_shows_a_scene_and_answers_mouse_and_keys() {
     display.key(b'v');
     display.wait("depth instead of light", |pixels| difference(pixels, &igi) > 8.0);
     display.screenshot("22-depth");
+    display.key_of(BACKSPACE);
+    display.key(b'm');
+    display.key(b'm');
+    display.wait("false colours", |pixels| difference(pixels, &igi) > 8.0);
+    display.screenshot("24-false-colours");
+    display.key_of(BACKSPACE);
+    // The lamp's glow, the last of its properties: less and less of it.
+    let before = display.wait("the picture again", |pixels| difference(pixels, &igi) < 3.0);
+    display.key_with(SHIFT, TAB);
+    for _ in 0..12 {
+        display.key(b'[');
+    }
+    display.wait("less light", |pixels| difference(pixels, &before) > 3.0 || brightness(pixels) < 5.0);
+    display.screenshot("25-panel");
+    display.key(b'o');
+    display.key_of(F1);
+    std::thread::sleep(Duration::from_millis(400));
+    display.screenshot("26-help");
+    display.key_of(F1);
+    display.key(b'o');
     display.key(b'p');
     let start = Instant::now();
     let saved = folder.join("heliostat-1.png");

@@ -123,6 +123,7 @@ fn grow(bounds: &mut Option<SceneBounds>, p: Vec3) {
 
 #[cfg(test)]
 mod tests {
+    use glam::Affine3A;
     use heliostat_scene::{Material, Mesh, SceneBuilder};
 
     use super::*;

@@ -137,7 +137,7 @@ pub enum Input {
         /// Whether.
         on: bool,
     },
-    /// Shows all surfaces by a shader instead of their own, such as one that shows a quantity in false colours.
+    /// Shows all surfaces by a shader instead of their own (and not as diffuse), such as one that shows a quantity in false colours.
     Surfaces {
         /// Which, or nothing for the surfaces as they are.
         shader: Option<Effect>,

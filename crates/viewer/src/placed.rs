@@ -109,7 +109,7 @@ fn own_bounds(scene: &Scene, object: ObjectId) -> Option<SceneBounds> {
     for part in &scene.objects().get(&object)?.parts {
         match &scene.geometries()[&part.geometry] {
             Geometry::Mesh(mesh) => {
-                mesh.positions.iter().copied().filter(|p| p.is_finite()).for_each(&mut grow)
+                mesh.positions.iter().copied().filter(|p| p.is_finite()).for_each(&mut grow);
             }
             Geometry::Quadrics(list) => {
                 list.shapes.iter().flat_map(heliostat_scene::Quadric::bounds).for_each(&mut grow);

@@ -192,10 +192,12 @@ impl Stage {
                     }
                 };
             }
-            Input::Diffuse { on } => return self.restyle(Style { diffuse: on, ..self.style.clone() }),
+            Input::Diffuse { on } => {
+                return self.restyle(Style { diffuse: on, surfaces: None, ..self.style.clone() });
+            }
             Input::Surfaces { shader } => {
                 let surfaces = shader.map(|effect| self.sized(effect));
-                return self.restyle(Style { surfaces, ..self.style.clone() });
+                return self.restyle(Style { diffuse: false, surfaces, ..self.style.clone() });
             }
             Input::Effects { shaders } => {
                 return self.restyle(Style { effects: shaders, ..self.style.clone() });

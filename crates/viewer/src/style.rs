@@ -42,7 +42,7 @@ pub enum Setting {
 pub(crate) struct Style {
     /// All surfaces as diffuse ones.
     pub(crate) diffuse: bool,
-    /// The shader that all surfaces have instead of their own; it comes before `diffuse`.
+    /// The shader that all surfaces have instead of their own; `diffuse` is off then.
     pub(crate) surfaces: Option<Effect>,
     /// What the picture goes through.
     pub(crate) effects: Vec<Effect>,

@@ -62,11 +62,8 @@ pub(super) async fn serve(listener: TcpListener, router: Router, limits: Limits)
         _ = stream.set_nodelay(true);
         match places.clone().try_acquire_owned() {
             Ok(place) => {
-                _ = tokio::spawn(connection(
-                    Patient::new(stream, limits.stall, place),
-                    router.clone(),
-                    limits,
-                ))
+                let stream = Patient::new(stream, limits.stall, place);
+                tokio::spawn(connection(stream, router.clone(), limits));
             }
             Err(_) => turn_away(&stream),
         }

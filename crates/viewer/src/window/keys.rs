@@ -142,7 +142,7 @@ fn next_surfaces(scene: &SceneState) -> Input {
             let at = now.as_ref().and_then(|now| scene.false_colors.iter().position(|c| c.name == now.name));
             match scene.false_colors.get(at.map_or(0, |at| at + 1)) {
                 Some(next) => Input::Surfaces { shader: Some(Effect::named(&next.name)) },
-                None => Input::Plain,
+                None => Input::Surfaces { shader: None },
             }
         }
     }

@@ -9,8 +9,7 @@ export class Looks {
     const send = input => app.send(input);
     $('surfaces').addEventListener('input', event => {
       const name = event.target.value;
-      send({ do: 'surfaces', shader: name && name !== 'diffuse' ? { name } : null });
-      send({ do: 'diffuse', on: name === 'diffuse' });
+      send(name === 'diffuse' ? { do: 'diffuse', on: true } : { do: 'surfaces', shader: name ? { name } : null });
     });
     $('tone').addEventListener('input', event => send({ do: 'tone', curve: event.target.value ? { name: event.target.value } : null }));
     $('effect').addEventListener('input', event => {
