@@ -233,13 +233,23 @@ fn the_page_comes_back_after_the_server_and_opens_dropped_files() {
     tab.wait("heliostat.state.title === 'triangle.obj' && heliostat.state.scene.thing_count === 1");
     wait_for_still(&tab);
     tab.screenshot("12-dropped");
+    // So does one with what it refers to, as dragged out of a folder.
+    let material = "newmtl red\\nKd 1 0 0\\n";
+    let text = format!("mtllib colours/m.mtl\\nusemtl red\\n{text}");
+    tab.value(&format!(
+        "(() => {{ const t = new DataTransfer(); t.items.add(new File(['{material}'], 'm.mtl')); t.items.add(new File(['{text}'], 'red.obj')); \
+         document.getElementById('stage').dispatchEvent(new DragEvent('drop', {{ dataTransfer: t, bubbles: true }})); }})()"
+    ));
+    tab.wait("heliostat.state.title === 'red.obj'");
+    tab.value("(() => { const t = document.getElementById('thing'); t.value = t.options[1].value; t.dispatchEvent(new Event('input')); })()");
+    tab.wait("heliostat.state.scene.selection?.look?.base_color[1] < 0.1");
     // A broken one does not.
     tab.value(
         "(() => { const t = new DataTransfer(); t.items.add(new File(['glTF'], 'broken.glb')); \
          document.getElementById('stage').dispatchEvent(new DragEvent('drop', { dataTransfer: t, bubbles: true })); })()",
     );
     tab.wait("document.querySelector('#messages .error')?.textContent.includes('broken.glb')");
-    assert_eq!(tab.value("heliostat.state.title"), "triangle.obj");
+    assert_eq!(tab.value("heliostat.state.title"), "red.obj");
     tab.screenshot("13-broken");
     tab.call(
         "Emulation.setEmulatedMedia",

@@ -1,5 +1,6 @@
 //! Sessions without any face: what goes in, what comes out.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -259,7 +260,11 @@ fn opening_shows_progress_and_failures_keep_the_old_scene() {
     assert!(start.elapsed() < Duration::from_secs(2));
     host.slow.store(false, Ordering::SeqCst);
     wait(&session, "a picture", |picture, _| picture.map(|_| ()));
-    session.open(Source::Upload { name: "x.glb".into(), bytes: Arc::from(*b"nonsense") });
+    session.open(Source::Upload {
+        name: "x.glb".into(),
+        bytes: Arc::from(*b"nonsense"),
+        beside: BTreeMap::new(),
+    });
     wait(&session, "a failure", |_, state| {
         state.messages.iter().find(|m| m.text == "no uploads here").map(|_| ())
     });

@@ -11,6 +11,7 @@ mod encode;
 mod protocol;
 #[cfg(test)]
 mod tests;
+mod upload;
 mod viewers;
 
 use std::net::SocketAddr;
@@ -20,7 +21,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use axum::Router;
-use axum::extract::{Query, Request, State, WebSocketUpgrade};
+use axum::extract::{Query, State, WebSocketUpgrade};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -202,12 +203,13 @@ fn router(app: Arc<App>) -> Router {
         .route("/panels.js", get(|| asset("text/javascript", include_str!("page/panels.js"))))
         .route("/fields.js", get(|| asset("text/javascript", include_str!("page/fields.js"))))
         .route("/looks.js", get(|| asset("text/javascript", include_str!("page/looks.js"))))
+        .route("/upload.js", get(|| asset("text/javascript", include_str!("page/upload.js"))))
         .route("/overlay.js", get(|| asset("text/javascript", include_str!("page/overlay.js"))))
         .route("/socket", get(socket))
         .route("/picture.png", get(picture_png))
         .route("/picture.exr", get(picture_exr))
         .route("/replay.json", get(replay))
-        .route("/upload", post(upload))
+        .route("/upload", post(upload::upload))
         .with_state(app)
 }
 
@@ -219,6 +221,9 @@ struct Parameters {
     /// The name of an uploaded file.
     #[serde(default)]
     name: String,
+    /// Whether more comes with it.
+    #[serde(default)]
+    several: bool,
     /// The key of the viewer who uploads.
     #[serde(default)]
     key: String,
@@ -315,35 +320,6 @@ async fn replay(State(app): State<Arc<App>>, query: Query<Parameters>, headers: 
         Ok(Some(replay)) => answer("application/json", replay.to_json()),
         _ => refuse(StatusCode::NOT_FOUND, "there is no scene yet"),
     }
-}
-
-/// A file from a browser becomes the scene. Nothing of it is taken in before it is known who sends it.
-async fn upload(State(app): State<Arc<App>>, query: Query<Parameters>, request: Request) -> Response {
-    if let Err(reason) = app.access.check(request.headers(), &query.token) {
-        return refuse(StatusCode::FORBIDDEN, reason);
-    }
-    if !locked(&app.viewers).holds(&query.key) {
-        return refuse(StatusCode::FORBIDDEN, "only the viewer who holds the controls can open a scene");
-    }
-    let Ok(_turn) = app.uploading.try_acquire() else {
-        return refuse(
-            StatusCode::TOO_MANY_REQUESTS,
-            "another file is being sent; try again when it is there",
-        );
-    };
-    let too_large = || refuse(StatusCode::PAYLOAD_TOO_LARGE, "the file is too large");
-    let length = request.headers().get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
-    if length.and_then(|length| length.parse().ok()).is_some_and(|length: usize| length > app.upload_bytes) {
-        return too_large();
-    }
-    let Ok(body) = axum::body::to_bytes(request.into_body(), app.upload_bytes).await else {
-        return too_large();
-    };
-    // A name tells the format and is shown; it never becomes a path.
-    let name: String = query.name.rsplit(['/', '\\']).next().unwrap_or("").chars().take(200).collect();
-    let name = if name.is_empty() { "upload".into() } else { name };
-    app.session.open(Source::Upload { name, bytes: Arc::from(&body[..]) });
-    refuse(StatusCode::ACCEPTED, "opening")
 }
 
 impl App {

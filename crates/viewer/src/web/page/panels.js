@@ -1,7 +1,7 @@
 // Panels: show the state, and turn what is done in them into inputs.
 import { options, toHex, toLinear } from './fields.js';
-import { open } from './input.js';
 import { Looks } from './looks.js';
+import { chosen, open } from './upload.js';
 
 const $ = id => document.getElementById(id);
 /** Light as a colour whose largest part is one, and a power of two. */
@@ -83,7 +83,7 @@ export class Panels {
     this.button('save-replay', () => this.save('/replay.json', `${name()}.replay.json`));
     this.button('record', () => send({ do: 'record', on: !this.scene?.recording }));
     this.button('forget', () => send({ do: 'forget' }));
-    $('file').addEventListener('change', () => { if ($('file').files[0]) open(app, $('file').files[0]); $('file').value = ''; });
+    $('file').addEventListener('change', () => { open(app, chosen($('file'))); $('file').value = ''; });
   }
 
   async save(path, name) {
