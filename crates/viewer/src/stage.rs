@@ -27,6 +27,8 @@ const DEFAULT_GOAL: f32 = 15.0;
 /// Most and least columns or rows of a picture, and most pixels.
 const EDGES: [u32; 2] = [16, 8192];
 const MAX_PIXELS: u64 = 1 << 23;
+/// Radiance that a picture shows as a middle grey, at 0 stops.
+const MIDDLE_GREY: f32 = 0.18;
 /// Gestures of the stage's own, beyond those that users number.
 const OWN_GESTURES: u64 = 1 << 62;
 
@@ -46,6 +48,8 @@ pub(crate) struct Stage {
     pub(crate) finish: Finish,
     choices: [Vec<ShaderChoice>; 2],
     pub(crate) exposure: Option<f32>,
+    /// Stops by which the picture on show was brightened.
+    pub(crate) shown_exposure: f32,
     pub(crate) goal: Goal,
     pub(crate) selection: Option<Selection>,
     /// The box of the selected instance's object, in its own space.
@@ -110,6 +114,7 @@ impl Stage {
             style: Style::default(),
             choices: [false_colors(), pixel_shaders()],
             exposure: None,
+            shown_exposure: 0.0,
             goal: Goal { frames_per_second: Some(DEFAULT_GOAL) },
             selection: None,
             selected_box: None,
@@ -370,8 +375,9 @@ impl Stage {
         let eye = Vec3::from(self.navigator.camera().world_from_camera.translation);
         let position = eye + 0.5 * distance * self.navigator.forward();
         let next = self.document.scene().lights().keys().next_back().map_or(0, |id| id.0.saturating_add(1));
-        // As bright at a tenth of the scene's size as a white surface in an ordinary room.
-        let intensity = [10.0 * (0.1 * radius).powi(2) * std::f32::consts::PI; 3];
+        // Whatever the light, a white surface where the view looks gets four times as bright as a middle grey is now.
+        let radiance = 4.0 * MIDDLE_GREY / self.shown_exposure.exp2();
+        let intensity = [std::f32::consts::PI * radiance * (0.5 * distance).powi(2); 3];
         let to = Lamp::Point { position: position.to_array(), intensity, range: None };
         self.gestures += 1;
         let gesture = self.gestures;

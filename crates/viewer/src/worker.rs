@@ -330,8 +330,8 @@ impl Worker {
         self.exposure = None;
         self.last = Instant::now();
         self.refinement.restart();
-        // A scene is looked at before it is moved through: its first picture is whole, unless it plays at once.
-        (self.dirty, self.done, self.shown) = (false, false, None);
+        // A first picture soon, however small; whole ones follow at once where nothing plays.
+        (self.dirty, self.done, self.shown) = (true, false, None);
         let early = std::mem::take(&mut self.early);
         self.handle(early);
         self.moved = Instant::now().checked_sub(CALM).unwrap_or_else(Instant::now);
@@ -403,6 +403,7 @@ impl Worker {
                 // What is in colours for a display has its brightness already.
                 let usual = if stage.finish.shown { Some(0.0) } else { None };
                 let ev = stage.exposure.or(usual).unwrap_or_else(|| adapt(&frame, &mut self.exposure));
+                stage.shown_exposure = ev;
                 (stage.finish.tone.map(&frame.color, frame.width, ev, threads), ev)
             }
         };

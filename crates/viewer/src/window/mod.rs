@@ -419,7 +419,7 @@ impl Face<'_> {
         } else if let Some((text, _)) = &self.message {
             canvas.text([margin, bottom(1)], scale, 0xFF_E0A0, std::slice::from_ref(text));
         } else if self.since.elapsed() < HINT {
-            let hint = "drag to look around, click a thing to change it, ? for help".to_owned();
+            let hint = "drag to look around, click a thing, drop a file, ? for help".to_owned();
             canvas.text([margin, bottom(1)], scale, 0xFF_FFFF, &[hint]);
         }
     }
@@ -450,6 +450,9 @@ impl Face<'_> {
         if let Some(loading) = &state.loading {
             let share = (100 * loading.done).checked_div(loading.total).unwrap_or(0);
             lines.push(format!("opening {} ... {share} %, {:.1} s", loading.title, loading.seconds));
+        }
+        if self.news.picture.is_none() && state.loading.is_none() && state.scene.is_some() {
+            lines.push("making the first picture ...".into());
         }
         if let Some(picture) = &self.news.picture {
             let stats = &picture.stats;

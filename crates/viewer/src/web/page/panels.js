@@ -79,6 +79,7 @@ export class Panels {
 
     const name = () => (this.app.state?.title || 'heliostat').replace(/\.[^.]*$/, '').replace(/[^\w-]+/g, '-');
     this.button('save-png', () => this.save('/picture.png', `${name()}.png`));
+    this.button('save', () => $('save-png').click());
     this.button('save-exr', () => this.save('/picture.exr', `${name()}.exr`));
     this.button('save-replay', () => this.save('/replay.json', `${name()}.replay.json`));
     this.button('record', () => send({ do: 'record', on: !this.scene?.recording }));
