@@ -32,14 +32,14 @@ pub struct Limits {
     pub connections: usize,
     /// For the head of a request to come in, and until the next one begins.
     pub head: Duration,
-    /// Without a byte in either direction while something is to be read or written.
+    /// Without a byte in either direction; answers that take long to be made are among what is waited for.
     pub stall: Duration,
 }
 
 impl Default for Limits {
-    /// 64 connections (a browser opens up to seven), 10 s for a head, 15 s without a byte.
+    /// 64 connections (a browser opens up to seven), 10 s for a head, a minute without a byte.
     fn default() -> Self {
-        Self { connections: 64, head: Duration::from_secs(10), stall: Duration::from_secs(15) }
+        Self { connections: 64, head: Duration::from_secs(10), stall: Duration::from_secs(60) }
     }
 }
 
