@@ -107,7 +107,9 @@ async function show(buffer) {
   app.tell({ shown: header.number });
   // Decoding takes a while: a later picture may have come in between.
   if (app.header && header.number < app.header.number && app.header.number - header.number < 1000) return bitmap.close();
-  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  app.box = fitting(header);
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(bitmap, ...app.box);
   bitmap.close();
   if (!app.header && !app.state?.loading) $('loading').hidden = true;
   app.header = header;
@@ -120,6 +122,14 @@ async function show(buffer) {
   overlay.update(header);
   panels.moment(header.time);
   remember(header.view);
+}
+
+/** Where a picture lies on the canvas: all over it, or, if it was made for another window, as large as its shape allows. */
+function fitting({ width, height }) {
+  const scale = Math.min(canvas.width / width, canvas.height / height), [w, h] = [width * scale, height * scale];
+  // Small pictures are of the right shape only up to a pixel.
+  const fits = w > 0.95 * canvas.width && h > 0.95 * canvas.height;
+  return fits ? [0, 0, canvas.width, canvas.height] : [(canvas.width - w) / 2, (canvas.height - h) / 2, w, h];
 }
 
 let remembered = 0;
