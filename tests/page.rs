@@ -140,7 +140,7 @@ fn a_user_looks_around_picks_changes_plays_and_switches() {
     wait_for_next_still(&tab);
     let lines = means(&tab);
     tab.value("(() => { const f = document.querySelector('#effect-fields [data-parameter=paper]'); f.value = 1; f.dispatchEvent(new Event('input')); })()");
-    tab.wait("heliostat.state.scene.effects[0].parameters.paper === 1");
+    tab.wait("heliostat.state.scene.effects[0].parameters?.paper === 1");
     wait_for_next_still(&tab);
     assert!(means(&tab)[0] > 1.2 * lines[0], "white paper: {lines:?} {:?}", means(&tab));
     tab.screenshot("6-edges");

@@ -215,10 +215,14 @@ impl Stage {
             Input::Exposure { stops } => self.exposure = stops.map(|ev| ev.clamp(-30.0, 30.0)),
             Input::Goal { frames_per_second } => self.goal = Goal { frames_per_second },
             Input::Record { on } => {
+                // Where it begins and ends is part of it, even if no picture is made in between.
+                let camera = self.navigator.camera();
                 if on {
                     let recorder = Recorder::new(self.document.changes());
                     self.recording = Some(Recording { start: Instant::now(), goes_on: true, recorder });
-                } else if let Some(recording) = &mut self.recording {
+                }
+                self.record(&camera);
+                if let Some(recording) = self.recording.as_mut().filter(|_| !on) {
                     recording.goes_on = false;
                 }
                 return Ok(Effect::NONE);
@@ -238,11 +242,15 @@ impl Stage {
         Ok(Effect::PICTURE)
     }
 
-    /// Distances are shown over the size of this scene unless the user says otherwise.
+    /// Distances are shown from the nearest to the furthest that there is from here, unless the user says otherwise.
     fn sized(&self, mut effect: style::Effect) -> style::Effect {
-        let furthest = self.bounds.map_or(10.0, |bounds| 2.0 * bounds.radius());
-        if effect.name == "show-depth" && furthest.is_finite() && furthest > 1e-6 {
-            effect.parameters.entry("far".into()).or_insert(style::Setting::Number(furthest));
+        let Some(bounds) = self.bounds.filter(|_| effect.name == "show-depth") else { return effect };
+        let eye = Vec3::from(self.navigator.camera().world_from_camera.translation);
+        let (middle, radius) = (eye.distance(bounds.center()), bounds.radius());
+        for (name, distance) in [("near", (middle - radius).max(0.0)), ("far", (middle + radius).max(1e-6))] {
+            if distance.is_finite() {
+                effect.parameters.entry(name.into()).or_insert(style::Setting::Number(distance));
+            }
         }
         effect
     }

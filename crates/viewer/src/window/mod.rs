@@ -427,7 +427,7 @@ impl Face<'_> {
     /// At the right: the properties of what is selected, or, while one is chosen, of the view.
     fn paint_panel(&self, canvas: &mut Canvas<'_>, scale: usize) {
         let selected = self.news.state.scene.as_ref().is_some_and(|scene| scene.selection.is_some());
-        if !(self.row.is_some() || self.figures && selected) {
+        if self.help || !(self.row.is_some() || self.figures && selected) {
             return;
         }
         let line = |(index, row): (usize, panel::Row)| {
