@@ -97,6 +97,25 @@ fn replays_of_the_viewer_are_rendered() {
     let refused = heliostat(&folder, "render --replay b.json -o p.png");
     expect_code(&refused, 1);
     assert!(stderr(&refused).contains("version 7"), "{}", stderr(&refused));
+    // What the picture went through is part of it, unless the command line says otherwise.
+    let mut styled = replay.clone();
+    styled["effects"] = serde_json::json!([{"name": "edges", "parameters": {"paper": 1.0}}]);
+    styled["surfaces"] = serde_json::json!({"name": "show-normal"});
+    styled["keys"][0]["lens"] = serde_json::json!({"radius": 0.01, "focus_distance": 1.0});
+    std::fs::write(folder.join("c.json"), styled.to_string()).unwrap();
+    let render = |options: &str| {
+        let command = format!("render --replay c.json --spp 1 --frames 0..1 -o {options}");
+        expect_code(&heliostat(&folder, &command), 0);
+    };
+    render("paper.png");
+    render("normals.png --pixel exposure:stops=0");
+    render("plain.png --pixel exposure:stops=0 --materials as-is --exposure 0");
+    let differ = |a: &str, b: &str| {
+        let judged = heliostat(&folder, &format!("compare {a}.png {b}.png --json"));
+        let figures: Value = serde_json::from_str(&stdout(&judged)).unwrap();
+        figures["rmse"].as_f64().unwrap() > 0.05
+    };
+    assert!(differ("paper", "normals") && differ("normals", "plain") && differ("paper", "plain"));
 }
 
 #[test]
@@ -397,6 +416,7 @@ fn cameras_skies_and_pixel_shaders_are_named() {
         "--projection fisheye-equidistant --fov 200 --stereo over-under --pixel edges:ink=1/0/0 --tone agx",
         "--projection panoramic --stereo left --pixel heat:low=0.1",
         "--projection orthographic --ortho-height 0.6 --tone reinhard:white=2",
+        "--materials show-level:levels=3 --pixel vignette",
         "--sky 3,40,90",
         "--environment 1/0.5/0.1,0.2,0.3",
     ] {
@@ -407,6 +427,8 @@ fn cameras_skies_and_pixel_shaders_are_named() {
         ("--pixel sepia", "there is no pixel shader `sepia`; there are: aces"),
         ("--pixel edges:depth=99", "from 0.0001 to 10"),
         ("--tone vignette", "is no tone curve"),
+        ("--materials shiny", "there is no shader `shiny`"),
+        ("--materials show-depth:fur=1", "near, far"),
         ("--sky 3,40", "TURBIDITY,ELEVATION,AZIMUTH"),
         ("--sky 3,40,0 --environment none", "cannot be used with"),
         ("--stereo left --eye-distance -1", "eyes -1 m apart"),

@@ -26,6 +26,13 @@ fn wait_for_next_still(tab: &Tab<'_>) {
     tab.wait("heliostat.header.number > seen && heliostat.header.still && heliostat.header.frames >= 2 && heliostat.header.input > 0");
 }
 
+/// Chooses something from a list.
+fn choose(tab: &Tab<'_>, id: &str, value: &str) {
+    tab.value(&format!(
+        "(() => {{ const f = document.getElementById('{id}'); f.value = '{value}'; f.dispatchEvent(new Event('input')); }})()"
+    ));
+}
+
 /// Where a point of the picture is on the page.
 fn on_page(tab: &Tab<'_>, x: f64, y: f64) -> [f64; 2] {
     let find = "(() => { const b = document.getElementById('picture').getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; })()";
@@ -103,20 +110,52 @@ fn a_user_looks_around_picks_changes_plays_and_switches() {
     tab.wait("!heliostat.state.scene.recording");
     let keys = tab.value("fetch('/replay.json').then(r => r.json()).then(r => r.keys.length)");
     assert!(keys.as_u64() >= Some(2), "{keys} views recorded");
+    assert!(tab.value("heliostat.state.scene.recorded").as_f64() > Some(0.0));
+    tab.value("document.getElementById('forget').click()");
+    tab.wait("heliostat.state.scene.recorded === null && document.getElementById('forget').hidden");
+    assert_eq!(tab.value("fetch('/replay.json').then(r => r.json()).then(r => r.keys.length)"), 1);
 
     // Other renderers and planes.
     for (id, value, check) in [
         ("renderer", "direct", "heliostat.state.scene.renderer === 'direct'"),
         ("plane", "normal", "heliostat.state.scene.plane === 'normal'"),
     ] {
-        tab.value(&format!(
-            "(() => {{ const f = document.getElementById('{id}'); f.value = '{value}'; f.dispatchEvent(new Event('input')); }})()"
-        ));
+        choose(&tab, id, value);
         tab.wait(check);
         tab.wait("heliostat.header.still");
         std::thread::sleep(std::time::Duration::from_millis(500));
         tab.screenshot(&format!("6-{value}"));
     }
+
+    // False colours, filters with their parameters, tone curves; and the picture as it is again.
+    tab.value("document.getElementById('plain').click()");
+    tab.wait("heliostat.state.scene.plane === null && document.getElementById('plain').disabled");
+    choose(&tab, "surfaces", "show-depth");
+    tab.wait("heliostat.state.scene.surfaces?.parameters.far > 0.5 && heliostat.header.exposure === 0");
+    wait_for_next_still(&tab);
+    tab.screenshot("6-false-depth");
+    choose(&tab, "surfaces", "");
+    choose(&tab, "effect", "edges");
+    tab.wait("heliostat.state.scene.effects[0]?.name === 'edges' && heliostat.state.scene.surfaces === null");
+    wait_for_next_still(&tab);
+    let lines = means(&tab);
+    tab.value("(() => { const f = document.querySelector('#effect-fields [data-parameter=paper]'); f.value = 1; f.dispatchEvent(new Event('input')); })()");
+    tab.wait("heliostat.state.scene.effects[0].parameters?.paper === 1");
+    wait_for_next_still(&tab);
+    assert!(means(&tab)[0] > 1.2 * lines[0], "white paper: {lines:?} {:?}", means(&tab));
+    tab.screenshot("6-edges");
+    choose(&tab, "effect", "heat");
+    tab.wait("heliostat.state.scene.effects.length === 2");
+    tab.value("document.querySelector('#effect-fields button').click()");
+    tab.wait(
+        "heliostat.state.scene.effects.length === 1 && heliostat.state.scene.effects[0].name === 'heat'",
+    );
+    choose(&tab, "tone", "agx");
+    tab.wait("heliostat.state.scene.tone?.name === 'agx'");
+    wait_for_next_still(&tab);
+    tab.screenshot("6-heat");
+    tab.value("document.getElementById('plain').click()");
+    tab.wait("heliostat.state.scene.tone === null && heliostat.state.scene.effects.length === 0");
 
     // Help, by its key; the page says what it is to those who cannot see it.
     tab.click(on_page(&tab, 0.9, 0.9));
@@ -140,6 +179,8 @@ fn two_browsers_share_a_session_and_a_phone_is_large_enough() {
     second.call("Emulation.setTouchEmulationEnabled", json!({"enabled": true, "maxTouchPoints": 2}));
     second.wait("window.heliostat?.pictures > 0 && heliostat.company?.all.length === 2");
     assert_eq!(second.value("document.getElementById('watching').hidden"), false);
+    // The picture was made for another window: it keeps its shape.
+    second.wait("Math.abs(heliostat.box[2] / heliostat.box[3] - heliostat.header.width / heliostat.header.height) < 0.1");
     second.screenshot("8-phone-watching");
     second.value("document.getElementById('ask').click()");
     first.wait("heliostat.company.asking.length === 1");
@@ -194,13 +235,23 @@ fn the_page_comes_back_after_the_server_and_opens_dropped_files() {
     tab.wait("heliostat.state.title === 'triangle.obj' && heliostat.state.scene.thing_count === 1");
     wait_for_still(&tab);
     tab.screenshot("12-dropped");
+    // So does one with what it refers to, as dragged out of a folder.
+    let material = "newmtl red\\nKd 1 0 0\\n";
+    let text = format!("mtllib colours/m.mtl\\nusemtl red\\n{text}");
+    tab.value(&format!(
+        "(() => {{ const t = new DataTransfer(); t.items.add(new File(['{material}'], 'm.mtl')); t.items.add(new File(['{text}'], 'red.obj')); \
+         document.getElementById('stage').dispatchEvent(new DragEvent('drop', {{ dataTransfer: t, bubbles: true }})); }})()"
+    ));
+    tab.wait("heliostat.state.title === 'red.obj'");
+    tab.value("(() => { const t = document.getElementById('thing'); t.value = t.options[1].value; t.dispatchEvent(new Event('input')); })()");
+    tab.wait("heliostat.state.scene.selection?.look?.base_color[1] < 0.1");
     // A broken one does not.
     tab.value(
         "(() => { const t = new DataTransfer(); t.items.add(new File(['glTF'], 'broken.glb')); \
          document.getElementById('stage').dispatchEvent(new DragEvent('drop', { dataTransfer: t, bubbles: true })); })()",
     );
     tab.wait("document.querySelector('#messages .error')?.textContent.includes('broken.glb')");
-    assert_eq!(tab.value("heliostat.state.title"), "triangle.obj");
+    assert_eq!(tab.value("heliostat.state.title"), "red.obj");
     tab.screenshot("13-broken");
     tab.call(
         "Emulation.setEmulatedMedia",

@@ -19,6 +19,11 @@ const RELEASE: u8 = 3;
 const BUTTON_PRESS: u8 = 4;
 const BUTTON_RELEASE: u8 = 5;
 const MOTION: u8 = 6;
+/// Symbols of keys that write nothing.
+const BACKSPACE: u32 = 0xFF08;
+const TAB: u32 = 0xFF09;
+const SHIFT: u32 = 0xFFE1;
+const F1: u32 = 0xFFBE;
 
 /// A display without a screen, and a window on it.
 struct Display {
@@ -120,15 +125,32 @@ impl Display {
 
     /// Presses the key that writes this letter.
     fn key(&self, letter: u8) {
+        self.key_of(letter.into());
+    }
+
+    /// Presses a key while another one is held.
+    fn key_with(&self, held: u32, symbol: u32) {
+        let code = self.code(held);
+        self.fake(PRESS, code, [0; 2]);
+        self.key_of(symbol);
+        self.fake(RELEASE, code, [0; 2]);
+    }
+
+    /// Presses the key of this symbol.
+    fn key_of(&self, symbol: u32) {
+        let code = self.code(symbol);
+        self.fake(PRESS, code, [0; 2]);
+        self.fake(RELEASE, code, [0; 2]);
+    }
+
+    fn code(&self, symbol: u32) -> u8 {
         let setup = self.connection.setup();
         let (first, last) = (setup.min_keycode, setup.max_keycode);
         let reply = self.connection.get_keyboard_mapping(first, last - first + 1).expect("a request");
         let map = reply.reply().expect("a keyboard");
         let per = usize::from(map.keysyms_per_keycode);
-        let index = map.keysyms.chunks(per).position(|symbols| symbols.contains(&u32::from(letter)));
-        let code = first + index.expect("a key") as u8;
-        self.fake(PRESS, code, [0; 2]);
-        self.fake(RELEASE, code, [0; 2]);
+        let index = map.keysyms.chunks(per).position(|symbols| symbols.contains(&symbol));
+        first + index.expect("a key") as u8
     }
 
     /// Writes the screen to a file beside the other products of the tests, to be looked at.
@@ -181,6 +203,31 @@ fn a_window_shows_a_scene_and_answers_mouse_and_keys() {
     display.key(b'v');
     display.wait("depth instead of light", |pixels| difference(pixels, &igi) > 8.0);
     display.screenshot("22-depth");
+    // What a key goes on from is what was told last: not faster than pictures are made.
+    for key in [BACKSPACE, b'm'.into(), b'm'.into()] {
+        display.key_of(key);
+        std::thread::sleep(Duration::from_millis(800));
+    }
+    display.wait("false colours", |pixels| difference(pixels, &igi) > 8.0);
+    display.screenshot("24-false-colours");
+    display.key_of(BACKSPACE);
+    // The lamp's glow, the last of its properties: less and less of it, at an exposure that stays.
+    display.key(b',');
+    std::thread::sleep(Duration::from_millis(800));
+    let before = display.wait("the picture again", |pixels| difference(pixels, &igi) < 12.0);
+    display.key_with(SHIFT, TAB);
+    for _ in 0..6 {
+        display.key_with(SHIFT, b'['.into());
+        std::thread::sleep(Duration::from_millis(150));
+    }
+    display.wait("less light", |pixels| brightness(pixels) < 0.8 * brightness(&before));
+    display.screenshot("25-panel");
+    display.key(b'o');
+    display.key_of(F1);
+    std::thread::sleep(Duration::from_millis(400));
+    display.screenshot("26-help");
+    display.key_of(F1);
+    display.key(b'o');
     display.key(b'p');
     let start = Instant::now();
     let saved = folder.join("heliostat-1.png");

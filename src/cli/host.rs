@@ -1,10 +1,11 @@
 //! What the viewer needs of this program: opening scenes by name and from memory.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::formats::image::encode_exr;
-use heliostat::formats::{Limits, NoFiles, Severity, load_bytes};
+use heliostat::formats::{FileSource, Limits, Severity, SourceError, load_bytes};
 use heliostat::framing::frame_scene;
 use heliostat::lighting::default_light;
 use heliostat::plugins::Plugins;
@@ -40,6 +41,35 @@ fn strict_limits() -> Limits {
     }
 }
 
+/// What was sent with a scene: in memory, and nothing else can be had.
+struct Beside<'a>(&'a BTreeMap<String, Arc<[u8]>>);
+
+impl FileSource for Beside<'_> {
+    /// By its path, or, as users drop files side by side that lay in folders, by its name alone.
+    fn read(&self, relative: &str, max_bytes: u64) -> Result<Vec<u8>, SourceError> {
+        if self.0.is_empty() {
+            return Err(SourceError::NoFiles);
+        }
+        let wanted = relative.trim_start_matches("./");
+        let last = |path: &str| path.rsplit('/').next().unwrap_or(path).to_lowercase();
+        let named = |(path, _): &(&String, &Arc<[u8]>)| last(path) == last(wanted);
+        let found = self.0.get(wanted).or_else(|| self.0.iter().find(named).map(|(_, bytes)| bytes));
+        let bytes = found.ok_or(SourceError::NotFound)?;
+        if bytes.len() as u64 > max_bytes {
+            return Err(SourceError::TooLarge { limit: max_bytes });
+        }
+        Ok(bytes.to_vec())
+    }
+
+    fn list(&self, relative: &str) -> Vec<String> {
+        let inside = |path: &String| {
+            let (folder, file) = path.rsplit_once('/').unwrap_or(("", path));
+            folder.eq_ignore_ascii_case(relative.trim_end_matches('/')).then(|| file.to_owned())
+        };
+        self.0.keys().filter_map(inside).collect()
+    }
+}
+
 impl Host for CliHost {
     fn open(&self, source: &Source, progress: &Progress) -> Result<Opened, Refusal> {
         let mut shaders = ShaderRegistry::built_in();
@@ -50,8 +80,8 @@ impl Host for CliHost {
                 }
                 (name, input::read(name, None).map_err(|failure| Refusal(failure.to_string()))?)
             }
-            Source::Upload { name, bytes } => {
-                let loaded = load_bytes(name, bytes, &NoFiles, &strict_limits());
+            Source::Upload { name, bytes, beside } => {
+                let loaded = load_bytes(name, bytes, &Beside(beside), &strict_limits());
                 (name, loaded.map_err(|error| Refusal(error.to_string()))?.into())
             }
         };

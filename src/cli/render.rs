@@ -12,19 +12,19 @@ use heliostat::grouping::{GroupingOptions, group};
 use heliostat::lighting;
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
-    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions,
-    MaterialOverride, Plane, RebuildKind, Scene, ShaderUse, Sky,
+    ApplyReport, Backend, Edit, Environment, EnvironmentMap, Filter, Frame, FrameRequest, IgiOptions, Plane,
+    RebuildKind, Scene, ShaderUse, Sky,
 };
 use heliostat::shading::ShaderRegistry;
 use heliostat::shading::pixel::{BoundPixelShader, PixelRegistry};
-use heliostat_viewer::Own;
+use heliostat_viewer::{Effect, Own};
 use serde_json::{Value, json};
 
 use super::failure::Failure;
 use super::pictures::{Expected, Pictures};
 use super::playback::Playback;
 use super::sequence::{self, Sequence};
-use super::values::{self, Exposure, Size, Surroundings};
+use super::values::{self, Exposure, Materials, Size, Surroundings};
 use super::{camera, console, input, output};
 
 #[derive(Debug, clap::Args)]
@@ -109,9 +109,11 @@ pub(super) struct Arguments {
     /// Photons that bring the light which mirrors and glass throw on other surfaces, for `igi`; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1 << 20))]
     photons: u32,
-    /// Show materials as they are, or all as diffuse
-    #[arg(long, default_value = "as-is")]
-    materials: Materials,
+    /// Show materials as they are (`as-is`), all as `diffuse`, or all by a surface shader: show-depth, show-facing,
+    /// show-level, show-normal and show-uv are false colours, which a .png shows without exposure or tone curve
+    /// [default: the replay's, else as-is]
+    #[arg(long, value_name = "HOW")]
+    materials: Option<Materials>,
     /// Merge what never moves into one object first: faster to trace where many small objects overlap, slower to start;
     /// object and instance identifiers are those of the merged objects
     #[arg(long)]
@@ -163,12 +165,6 @@ enum FilterName {
     Tent,
     Gaussian,
     BlackmanHarris,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Materials {
-    AsIs,
-    Diffuse,
 }
 
 /// A plane, by the name that the scene crate gives it.
@@ -225,9 +221,12 @@ impl Arguments {
         let [width, height] = replay.size;
         self.size = self.size.or_else(|| format!("{width}x{height}").parse().ok());
         self.exposure = self.exposure.or(replay.exposure.map(Exposure::Ev));
-        if replay.diffuse {
-            self.materials = Materials::Diffuse;
+        let surfaces = replay.surfaces.clone().map(Materials::Shader);
+        self.materials = self.materials.take().or(surfaces).or(replay.diffuse.then_some(Materials::Diffuse));
+        if self.pixel.is_empty() {
+            self.pixel = replay.effects.iter().map(Effect::shader).collect();
         }
+        self.tone = self.tone.take().or(replay.tone.as_ref().map(Effect::shader));
         self.sequence.adopt(playback);
     }
 
@@ -237,6 +236,10 @@ impl Arguments {
 
     fn renderer(&self) -> Renderer {
         self.renderer.unwrap_or(Renderer::Path)
+    }
+
+    fn materials(&self) -> &Materials {
+        self.materials.as_ref().unwrap_or(&Materials::AsIs)
     }
 
     fn size(&self) -> Size {
@@ -303,7 +306,7 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
 fn tone(arguments: &Arguments) -> Result<(BoundPixelShader, Exposure), Failure> {
     let shaders = PixelRegistry::built_in();
     let bind = |wanted: &ShaderUse| shaders.bind(wanted).map_err(|problem| Failure::usage(problem.0));
-    let mut shown = false;
+    let mut shown = arguments.materials().are_false_colors();
     for wanted in &arguments.pixel {
         shown = bind(wanted)?.info().for_display;
     }
@@ -381,7 +384,7 @@ fn render(
                 framed.insert(camera).clone()
             }
         };
-        let request = FrameRequest { frame: number, ..request(arguments, camera) };
+        let request = FrameRequest { frame: number, ..request(arguments, camera)? };
         let (asked, frame);
         (engine, asked, frame) = console::with_progress(label, move |progress| {
             let frame = engine.render(&request, progress)?;
@@ -420,8 +423,8 @@ fn note(text: &str) {
     console::message(&format!("note: {text}"));
 }
 
-fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequest {
-    FrameRequest {
+fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> Result<FrameRequest, Failure> {
+    Ok(FrameRequest {
         renderer: arguments.renderer().name().into(),
         samples: arguments.spp.unwrap_or(arguments.renderer().default_samples()),
         max_depth: arguments.max_depth,
@@ -433,10 +436,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
             FilterName::BlackmanHarris => Filter::BlackmanHarris,
         },
         ambient: arguments.ambient,
-        materials: match arguments.materials {
-            Materials::AsIs => MaterialOverride::None,
-            Materials::Diffuse => MaterialOverride::Diffuse,
-        },
+        materials: arguments.materials().to_override().map_err(Failure::usage)?,
         igi: IgiOptions {
             paths: arguments.paths,
             interleave: [arguments.interleave.width, arguments.interleave.height],
@@ -451,7 +451,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> FrameRequ
         pixel_shaders: arguments.pixel.clone(),
         planes: arguments.aov.iter().map(|aov| aov.0).collect::<BTreeSet<_>>().into_iter().collect(),
         ..FrameRequest::new(camera, arguments.size().width, arguments.size().height)
-    }
+    })
 }
 
 /// The edit that replaces the environment, if one is asked for.

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use glam::Vec3;
-use heliostat::scene::{Gradient, ShaderUse, Sky};
+use heliostat::scene::{Gradient, MaterialOverride, ShaderUse, Sky};
+use heliostat_viewer::Effect;
 
 /// Most pixels along one edge, and in one picture.
 const MAX_EDGE: u32 = 1 << 16;
@@ -47,7 +48,7 @@ pub(super) fn vector(text: &str) -> Result<Vec3, String> {
     }
 }
 
-/// `NAME` or `NAME:PARAMETER=VALUE,…` of a pixel shader; a colour is written `R/G/B`.
+/// `NAME` or `NAME:PARAMETER=VALUE,…` of a shader; a colour is written `R/G/B`.
 pub(super) fn shader(text: &str) -> Result<ShaderUse, String> {
     let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
     let mut shader = ShaderUse::named(name);
@@ -62,6 +63,50 @@ pub(super) fn shader(text: &str) -> Result<ShaderUse, String> {
         };
     }
     Ok(shader)
+}
+
+/// What surfaces look like instead of themselves.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Materials {
+    /// They are as they are.
+    AsIs,
+    /// All are diffuse.
+    Diffuse,
+    /// All are by this shader.
+    Shader(Effect),
+}
+
+impl Materials {
+    /// What a backend is asked for.
+    ///
+    /// # Errors
+    /// When there is no such shader, or it has no such parameter.
+    pub(super) fn to_override(&self) -> Result<MaterialOverride, String> {
+        Ok(match self {
+            Self::AsIs => MaterialOverride::None,
+            Self::Diffuse => MaterialOverride::Diffuse,
+            Self::Shader(effect) => effect.on_all_surfaces().map_err(|refusal| refusal.0)?,
+        })
+    }
+
+    /// Whether they show a quantity in false colours.
+    pub(super) fn are_false_colors(&self) -> bool {
+        matches!(self, Self::Shader(effect) if effect.is_false_color())
+    }
+}
+
+impl FromStr for Materials {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let materials = match text {
+            "as-is" => Self::AsIs,
+            "diffuse" => Self::Diffuse,
+            _ => Self::Shader(Effect::of(&shader(text)?).unwrap_or_else(|| Effect::named(text))),
+        };
+        materials.to_override().map_err(|problem| format!("{problem}; or give `as-is` or `diffuse`"))?;
+        Ok(materials)
+    }
 }
 
 /// `TURBIDITY,ELEVATION,AZIMUTH` of a sky, angles in degrees.
@@ -247,6 +292,16 @@ mod tests {
         assert!(
             shader("edges:ink").is_err() && shader("edges:ink=1/2").is_err() && shader("heat:low=x").is_err()
         );
+    }
+
+    #[test]
+    fn materials() {
+        assert_eq!("diffuse".parse(), Ok(Materials::Diffuse));
+        let depth = "show-depth:far=5".parse::<Materials>().expect("a shader");
+        assert!(depth.are_false_colors() && !Materials::AsIs.are_false_colors());
+        let problem = "shiny".parse::<Materials>().unwrap_err();
+        assert!(problem.contains("show-normal") && problem.contains("as-is"), "{problem}");
+        assert!("show-depth:fur=5".parse::<Materials>().unwrap_err().contains("far"));
     }
 
     #[test]

@@ -25,9 +25,14 @@ pub(crate) struct Served {
 impl Served {
     /// Starts it with arguments separated by spaces.
     pub(crate) fn start(arguments: &str) -> Self {
+        Self::start_with(arguments, Stdio::null())
+    }
+
+    /// The same; what it has to say goes to `stderr`.
+    pub(crate) fn start_with(arguments: &str, stderr: impl Into<Stdio>) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_heliostat"));
         command.arg("serve").args(arguments.split_whitespace());
-        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("it starts");
+        let mut process = command.stdout(Stdio::piped()).stderr(stderr).spawn().expect("it starts");
         let mut url = String::new();
         let stdout = process.stdout.take().expect("a pipe");
         BufReader::new(stdout).read_line(&mut url).expect("an address");
@@ -210,6 +215,17 @@ impl Client {
             }
         }
     }
+}
+
+/// Says of each claim whether it was kept; panics if one was not.
+#[expect(clippy::print_stdout, reason = "verdicts are for those who ask for them")]
+pub(crate) fn judge(what: &str, claims: &[(String, bool)]) {
+    for (claim, kept) in claims {
+        println!("{} {claim}", if *kept { "kept:  " } else { "BROKEN:" });
+    }
+    let passed = claims.iter().all(|(_, kept)| *kept);
+    println!("verdict on {what}: {}", if passed { "PASSED" } else { "FAILED" });
+    assert!(passed, "{what}");
 }
 
 /// Says plainly that tests did not run, past the test harness that would swallow it.

@@ -158,7 +158,7 @@ impl Engine {
     ) -> Result<FrameStats, BackendError> {
         let start = Instant::now();
         let camera = CameraRays::new(&request.camera, request.width, request.height);
-        let scene = self.compiled.shading(request.materials);
+        let scene = self.compiled.shading(&request.materials);
         let moving = request.camera.motion.is_some() || self.compiled.world().has_motion();
         let query = Metered::new(self.compiled.world());
         let view = View { query: &query, scene, camera: &camera, moving };
@@ -280,8 +280,11 @@ impl Backend for Engine {
         if self.compiled.has_finished() {
             self.apply(&[], progress)?;
         }
+        if let MaterialOverride::Shader { shader, .. } = &request.materials {
+            self.shaders.find(shader).map_err(|problem| BackendError::Request(problem.0))?;
+        }
         if request.materials != MaterialOverride::None {
-            self.compiled.prepare_override(&self.scene, request.materials);
+            self.compiled.prepare_override(&self.scene, &request.materials);
         }
         let bind =
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
@@ -294,7 +297,7 @@ impl Backend for Engine {
         let mut frame = film.finish();
         self.pool.install(|| post::shade(&mut frame, &pixel_shaders, self.options.lanes));
         frame.planes.truncate(request.planes.len());
-        frame.problems = self.compiled.shading(request.materials).take_problems();
+        frame.problems = self.compiled.shading(&request.materials).take_problems();
         frame.stats = stats;
         Ok(frame)
     }

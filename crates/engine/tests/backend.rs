@@ -8,7 +8,7 @@ use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
     Backend, BackendError, Camera, Edit, EditError, Environment, Filter, FrameRequest, Instance, InstanceId,
     Lens, Material, MaterialId, MaterialOverride, Mesh, Object, ObjectId, Plane, Progress, RebuildReason,
-    SceneBuilder, Target,
+    SceneBuilder, ShaderUse, Target,
 };
 
 /// Two objects, one nested in the other, a floor and a lamp; handles in the order of their making.
@@ -221,6 +221,36 @@ fn diffuse_override_removes_gloss_and_nothing_else() {
     assert_ne!(shiny, dull);
     request.materials = MaterialOverride::None;
     assert_eq!(engine.render(&request, &Progress::new()).expect("a frame").color, shiny);
+}
+
+#[test]
+fn a_shader_can_take_the_place_of_all_others() {
+    let mut engine = engine(2);
+    let mut request = request("cast");
+    request.planes = vec![Plane::Normal, Plane::Alpha];
+    let shader = ShaderUse::named("show-normal");
+    request.materials = MaterialOverride::Shader { shader, mirrors: false };
+    let frame = engine.render(&request, &Progress::new()).expect("a frame");
+    let (normals, alpha) = (&frame.planes[0].values, &frame.planes[1].values);
+    let decoded = |v: f32| ((0.5 * v + 0.5 + 0.055) / 1.055).powf(2.4);
+    let mut seen = 0;
+    for (i, color) in frame.color.iter().enumerate().filter(|(i, _)| alpha[*i] == 1.0) {
+        let expected = Vec3::from_slice(&normals[3 * i..]);
+        // Where samples lie on several surfaces, the mean of colours is not the colour of the mean.
+        if (expected.length() - 1.0).abs() < 1e-5 && expected.min_element() > -0.8 {
+            assert!(color.distance(expected.to_array().map(decoded).into()) < 1e-2, "{color} {expected}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 100, "{seen} pixels of one surface");
+    // Another one takes its place, and one that there is not is refused.
+    let shader = ShaderUse::named("show-facing");
+    request.materials = MaterialOverride::Shader { shader, mirrors: true };
+    assert_ne!(engine.render(&request, &Progress::new()).expect("a frame").color, frame.color);
+    let shader = ShaderUse::named("show-magic");
+    request.materials = MaterialOverride::Shader { shader, mirrors: false };
+    let refused = engine.render(&request, &Progress::new()).expect_err("refused").to_string();
+    assert!(refused.contains("show-magic") && refused.contains("show-normal"), "{refused}");
 }
 
 #[test]

@@ -143,13 +143,20 @@ pub enum Filter {
 }
 
 /// Replaces the look of everything, for comparisons.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum MaterialOverride {
     /// Materials as they are.
     #[default]
     None,
     /// Every surface is an opaque Lambertian of its base colour; emission stays.
     Diffuse,
+    /// Every surface is by this shader, which starts from the material as it is.
+    Shader {
+        /// Which.
+        shader: ShaderUse,
+        /// Whether mirrors and glass stay as they are, so that what they show is by the shader.
+        mirrors: bool,
+    },
 }
 
 /// Auxiliary data per pixel: the mean over the pixel's samples, except for the identifiers, which belong to the

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, TextureId, TextureRef};
+use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, ShaderRef, TextureId, TextureRef};
 
 use crate::albedo::InterfaceTables;
 use crate::closure::Closure;
@@ -127,7 +127,7 @@ impl SurfaceMaterial {
     }
 
     /// The material as it is or as `materials` makes it.
-    pub fn overridden(material: &Arc<Material>, materials: MaterialOverride) -> Arc<Material> {
+    pub fn overridden(material: &Arc<Material>, materials: &MaterialOverride) -> Arc<Material> {
         match materials {
             MaterialOverride::None => material.clone(),
             MaterialOverride::Diffuse => Arc::new(Material {
@@ -140,6 +140,13 @@ impl SurfaceMaterial {
                 double_sided: material.double_sided,
                 ..Material::diffuse(material.name.clone(), Vec3::ONE)
             }),
+            MaterialOverride::Shader { mirrors: true, .. } if is_mirror(material) => material.clone(),
+            // Holes stay holes; what is unlit would stay its own colour.
+            MaterialOverride::Shader { shader, .. } => Arc::new(Material {
+                shader: Some(Arc::new(shader.clone())),
+                unlit: false,
+                ..Material::clone(material)
+            }),
         }
     }
 
@@ -148,7 +155,6 @@ impl SurfaceMaterial {
         &self.source
     }
 
-    /// Whether anything is looked up by texture coordinates.
     /// Whether it looks at a set of texture coordinates.
     #[inline(always)]
     pub(crate) fn uses_uvs(&self, set: usize) -> bool {
@@ -291,6 +297,19 @@ impl SurfaceMaterial {
 }
 
 /// The lobes that a material may have anywhere, by its constants.
+/// Whether a material is one of mirrors or glass, as far as its factors and its shader's name tell.
+fn is_mirror(m: &Material) -> bool {
+    /// Roughest that counts: duller surfaces show no picture of others.
+    const ROUGHEST: f32 = 0.2;
+    match &m.shader {
+        Some(shader) => match &shader.shader {
+            ShaderRef::Named(name) => ["mirror", "glass"].contains(&name.as_str()),
+            ShaderRef::Plugin { .. } => false,
+        },
+        None => m.roughness <= ROUGHEST && (m.metallic >= 0.5 || m.transmission >= 0.5),
+    }
+}
+
 fn possible_lobes(m: &Material) -> Lobes {
     if m.unlit {
         return Lobes::NONE;

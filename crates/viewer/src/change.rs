@@ -191,7 +191,9 @@ impl Change {
             Self::Light { light, name, to: Some(lamp) } => {
                 let id = LightId(*light);
                 let missing = || format!("{id} did not come with the scene as one of this kind");
-                let kind = lamp.kind(own.lights.get(&id)).ok_or_else(missing)?;
+                let now = scene.lights().get(&id).map(|light| &light.kind);
+                let kind = lamp.kind(now).or_else(|| lamp.kind(own.lights.get(&id)));
+                let kind = kind.ok_or_else(missing)?;
                 Edit::Light(id, Light { name: name.clone(), kind })
             }
             Self::Environment { to } => Edit::Environment(to.around(&own.environment)),
@@ -313,8 +315,7 @@ impl Lamp {
         }
     }
 
-    /// The light; `own` is what came with the scene under the same handle. `None` if this form refers to something else
-    /// there.
+    /// The light; `own` is one that has what this form does not say. `None` if that is one of another kind.
     fn kind(&self, own: Option<&LightKind>) -> Option<LightKind> {
         let far = |range: Option<f32>| range.unwrap_or(f32::INFINITY);
         Some(match (self, own) {
@@ -374,15 +375,35 @@ impl Lamp {
         }
     }
 
+    /// Its intensity, irradiance or factor.
+    pub fn color(&self) -> [f32; 3] {
+        match *self {
+            Self::Point { intensity: power, .. }
+            | Self::Spot { intensity: power, .. }
+            | Self::ConstantPoint { irradiance: power, .. }
+            | Self::Directional { irradiance: power, .. }
+            | Self::Profile { scale: power, .. }
+            | Self::Projector { intensity: power, .. } => power,
+        }
+    }
+
     /// The same light, so many times as bright.
-    pub fn times(mut self, factor: f32) -> Self {
+    #[must_use]
+    pub fn times(self, factor: f32) -> Self {
+        let color = self.color().map(|value| value * factor);
+        self.colored(color)
+    }
+
+    /// The same light of another intensity, irradiance or factor.
+    #[must_use]
+    pub fn colored(mut self, color: [f32; 3]) -> Self {
         match &mut self {
             Self::Point { intensity: power, .. }
             | Self::Spot { intensity: power, .. }
             | Self::ConstantPoint { irradiance: power, .. }
             | Self::Directional { irradiance: power, .. }
             | Self::Profile { scale: power, .. }
-            | Self::Projector { intensity: power, .. } => *power = power.map(|value| value * factor),
+            | Self::Projector { intensity: power, .. } => *power = color,
         }
         self
     }
@@ -404,6 +425,29 @@ impl Lamp {
 }
 
 impl Surroundings {
+    /// Its radiance or factor; `None` in the dark.
+    pub fn light(&self) -> Option<[f32; 3]> {
+        match *self {
+            Self::Dark => None,
+            Self::Constant { radiance } => Some(radiance),
+            Self::Sky { scale, .. } | Self::Own { scale, .. } => Some(scale),
+        }
+    }
+
+    /// The same, so many times as bright.
+    #[must_use]
+    pub fn times(mut self, factor: f32) -> Self {
+        match &mut self {
+            Self::Dark => {}
+            Self::Constant { radiance: light }
+            | Self::Sky { scale: light, .. }
+            | Self::Own { scale: light, .. } => {
+                *light = light.map(|value| value * factor);
+            }
+        }
+        self
+    }
+
     /// The environment; `own` is what the scene brings.
     fn around(&self, own: &Environment) -> Environment {
         match *self {

@@ -2,7 +2,9 @@
 
 use std::collections::VecDeque;
 
-use heliostat_scene::{ApplyReport, Backend, BackendError, Edit, Environment, Progress, Scene, Timeline};
+use heliostat_scene::{
+    ApplyReport, Backend, BackendError, Edit, Environment, Light, LightId, Progress, Scene, Timeline,
+};
 
 use crate::change::{Change, Own, Surroundings};
 
@@ -30,6 +32,8 @@ struct Step {
     gesture: u64,
     forward: Change,
     back: Change,
+    /// The light that was there before, if the change is one of a light: with all that [`Change`] does not say of it.
+    light: Option<Light>,
 }
 
 /// Why something could not be done; for the user.
@@ -106,13 +110,17 @@ impl Document {
     /// When the scene or the backend refuses; both are then as before.
     pub(crate) fn change(&mut self, change: Change, gesture: u64) -> Result<ApplyReport, Refusal> {
         let back = change.inverse(&self.scene, &self.surroundings).map_err(Refusal)?;
+        let light = match &change {
+            Change::Light { light, .. } => self.scene.lights().get(&LightId(*light)).cloned(),
+            _ => None,
+        };
         let report = self.perform(&change)?;
         self.redo.clear();
         match self.undo.back_mut() {
             Some(step) if step.gesture == gesture && step.forward.same_target(&change) => {
                 step.forward = change;
             }
-            _ => self.undo.push_back(Step { gesture, forward: change, back }),
+            _ => self.undo.push_back(Step { gesture, forward: change, back, light }),
         }
         if self.undo.len() > MAX_STEPS
             && let Some(step) = self.undo.pop_front()
@@ -128,8 +136,14 @@ impl Document {
     /// # Errors
     /// As for [`Self::change`].
     pub(crate) fn undo(&mut self) -> Result<Option<(Change, ApplyReport)>, Refusal> {
-        let Some(done) = self.undo.back().map(|step| step.back.clone()) else { return Ok(None) };
-        let report = self.perform(&done)?;
+        let Some(step) = self.undo.back() else { return Ok(None) };
+        let done = step.back.clone();
+        let report = match (&done, step.light.clone()) {
+            (Change::Light { light, .. }, Some(before)) => {
+                self.apply(&[Edit::Light(LightId(*light), before)])?
+            }
+            _ => self.perform(&done)?,
+        };
         self.redo.extend(self.undo.pop_back());
         Ok(Some((done, report)))
     }
@@ -173,7 +187,7 @@ impl Document {
 #[cfg(test)]
 pub(crate) mod tests {
     use heliostat_engine::{Engine, EngineOptions};
-    use heliostat_scene::{InstanceId, LightId, MaterialId};
+    use heliostat_scene::{InstanceId, LightKind, MaterialId};
 
     use super::*;
     use crate::change::{Lamp, Look};
@@ -216,6 +230,41 @@ pub(crate) mod tests {
         while document.redo().expect("accepted").is_some() {}
         assert_eq!(after, format!("{:?}", document.scene().to_edits()));
         assert_eq!(document.changes(), changes);
+    }
+
+    #[test]
+    fn lights_come_back_as_they_were() {
+        let mut document = document("cornell");
+        let image = std::sync::Arc::new(heliostat_scene::Image::rgba8(1, 1, vec![9, 200, 30, 255]));
+        // Not one that the scene came with: it is of the kind that a clip or another program brings.
+        let kind = LightKind::Projector {
+            position: glam::Vec3::ONE,
+            world_from_light: glam::Mat3::from_rotation_y(0.7),
+            intensity: glam::Vec3::splat(3.0),
+            vertical_fov: 0.6,
+            image,
+            range: 7.0,
+        };
+        let light = Light { name: "beam".into(), kind };
+        document.apply(&[Edit::Light(LightId(5), light.clone())]).expect("valid");
+        let dim = Lamp::of(&light.kind).times(0.5).at(glam::Vec3::ZERO);
+        let dimmed = Change::Light { light: 5, name: "beam".into(), to: Some(dim) };
+        document.change(dimmed, 0).expect("accepted");
+        let LightKind::Projector { vertical_fov, range, intensity, .. } =
+            document.scene().lights()[&LightId(5)].kind
+        else {
+            panic!("it is still a projector")
+        };
+        assert_eq!((vertical_fov, range, intensity.x), (0.6, 7.0, 1.5));
+        let remove = Change::Light { light: 5, name: String::new(), to: None };
+        document.change(remove, 1).expect("accepted");
+        assert!(!document.scene().lights().contains_key(&LightId(5)));
+        document.undo().expect("accepted").expect("a step");
+        document.undo().expect("accepted").expect("a step");
+        assert_eq!(document.scene().lights()[&LightId(5)], light);
+        document.redo().expect("accepted").expect("a step");
+        document.redo().expect("accepted").expect("a step");
+        assert!(!document.scene().lights().contains_key(&LightId(5)));
     }
 
     #[test]

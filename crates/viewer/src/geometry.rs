@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
 
-use glam::{Affine3A, Vec2, Vec3};
-use heliostat_scene::{Camera, Geometry, InstanceId, ObjectId, Projection, Quadric, Scene, SceneBounds};
+use glam::{Vec2, Vec3};
+use heliostat_scene::{Camera, Geometry, ObjectId, Projection, Quadric, Scene, SceneBounds};
 
-/// Deepest nesting that is followed from an instance up to the world.
-const MAX_NESTING: usize = 64;
+use crate::placed::MAX_NESTING;
 
 /// Where a ray starts and its unit direction, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,25 +72,6 @@ pub(crate) fn project(camera: &Camera, point: Vec3, aspect: f32) -> Option<Vec2>
     at.is_finite().then_some(at)
 }
 
-/// From the space in which an instance is placed to the world: through the first placement of every object above it.
-pub(crate) fn world_from_parent(scene: &Scene, id: InstanceId) -> Affine3A {
-    let mut place = Affine3A::IDENTITY;
-    let mut parent = scene.instances().get(&id).and_then(|instance| instance.parent);
-    for _ in 0..MAX_NESTING {
-        let Some(above) = parent.and_then(|object| scene.placements_of(object).next()) else { break };
-        let instance = &scene.instances()[&above];
-        place = instance.parent_from_object * place;
-        parent = instance.parent;
-    }
-    place
-}
-
-/// The instance that holds the object in which `id` is placed: one level further out.
-pub(crate) fn holder(scene: &Scene, id: InstanceId) -> Option<InstanceId> {
-    let parent = scene.instances().get(&id)?.parent?;
-    scene.placements_of(parent).next()
-}
-
 /// The box around an object in its own space, everything placed in it included; `None` when it is empty.
 pub(crate) fn object_bounds(scene: &Scene, object: ObjectId) -> Option<SceneBounds> {
     boxes(scene, object, &mut BTreeMap::new(), 0)
@@ -143,6 +123,7 @@ fn grow(bounds: &mut Option<SceneBounds>, p: Vec3) {
 
 #[cfg(test)]
 mod tests {
+    use glam::Affine3A;
     use heliostat_scene::{Material, Mesh, SceneBuilder};
 
     use super::*;
@@ -166,19 +147,16 @@ mod tests {
     }
 
     #[test]
-    fn nested_things_have_boxes_and_places() {
+    fn nested_things_have_boxes() {
         let mut builder = SceneBuilder::new();
         let grey = builder.material(Material::default());
         let quad = builder.mesh(Mesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y));
         let leaf = builder.object("leaf", [(quad, grey)]);
         let group = builder.object("group", []);
-        let inner = builder.child(group, leaf, Affine3A::from_translation(Vec3::X));
-        let outer = builder.instance(group, Affine3A::from_scale(Vec3::splat(2.0)));
+        builder.child(group, leaf, Affine3A::from_translation(Vec3::X));
         let mut scene = Scene::default();
         scene.apply(&builder.finish()).unwrap();
         let bounds = object_bounds(&scene, group).expect("not empty");
         assert_eq!((bounds.min, bounds.max), (Vec3::X, Vec3::new(2.0, 1.0, 0.0)));
-        assert_eq!(world_from_parent(&scene, inner).transform_point3(Vec3::X), 2.0 * Vec3::X);
-        assert_eq!((holder(&scene, inner), holder(&scene, outer)), (Some(outer), None));
     }
 }

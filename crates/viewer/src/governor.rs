@@ -26,9 +26,9 @@ pub(crate) struct Governor {
 const MAX_THRIFT: u32 = 3;
 
 impl Default for Governor {
-    /// Knows nothing yet: begins at half the size, so that the first movement in a costly scene does not stall.
+    /// Knows nothing yet: begins at a quarter of the size, so that the first picture of a costly scene comes soon.
     fn default() -> Self {
-        Self { scale: 0.5, cost: None, thrift: 0 }
+        Self { scale: 0.25, cost: None, thrift: 0 }
     }
 }
 
@@ -47,6 +47,7 @@ impl Governor {
     pub(crate) fn learn(&mut self, goal: Goal, full: u32, pixels: u32, milliseconds: f64) {
         let Some(rate) = goal.frames_per_second else { return };
         let cost = milliseconds.max(1e-3) / f64::from(pixels.max(1));
+        let first = self.cost.is_none() && self.thrift == 0;
         // What is dearer than expected counts at once, what is cheaper only by and by.
         let cost = self
             .cost
@@ -63,6 +64,10 @@ impl Governor {
             return;
         }
         let ideal = ideal.clamp(SMALLEST, 1.0);
+        if first {
+            self.scale = ideal;
+            return;
+        }
         if ideal < self.scale * STEP.sqrt() {
             self.scale = (self.scale * STEP).max(ideal.min(self.scale)).max(SMALLEST);
             if ideal < self.scale * STEP {

@@ -1,5 +1,6 @@
 //! What the viewer needs of the program around it: scenes and file formats, of which it knows nothing itself.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use heliostat_scene::{Backend, Camera, Frame, Progress, Scene, Timeline};
@@ -11,12 +12,14 @@ use crate::document::Refusal;
 pub enum Source {
     /// A built-in scene or a file of this machine. Never comes from a page.
     Named(String),
-    /// The contents of one file that somebody gave us: not to be trusted.
+    /// The contents of files that somebody gave us: not to be trusted.
     Upload {
         /// The file's name, to tell its format.
         name: String,
         /// Its contents.
         bytes: Arc<[u8]>,
+        /// What came with it, by paths as the file may refer to them.
+        beside: BTreeMap<String, Arc<[u8]>>,
     },
 }
 

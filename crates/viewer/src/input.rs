@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 use crate::change::Change;
 use crate::gizmo::GizmoMode;
 use crate::navigator::Mode;
+use crate::placed::MAX_NESTING;
+use crate::style::Effect;
 
 /// Something that a user did. Points of the picture run from (0, 0) at the top left to (1, 1) at the bottom right.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,6 +137,23 @@ pub enum Input {
         /// Whether.
         on: bool,
     },
+    /// Shows all surfaces by a shader instead of their own (and not as diffuse), such as one that shows a quantity in false colours.
+    Surfaces {
+        /// Which, or nothing for the surfaces as they are.
+        shader: Option<Effect>,
+    },
+    /// Puts the picture through pixel shaders.
+    Effects {
+        /// Which, in this order; none for the picture as it is.
+        shaders: Vec<Effect>,
+    },
+    /// Chooses the curve by which radiance becomes colours for a display.
+    Tone {
+        /// A pixel shader that is one, or nothing for the usual one.
+        curve: Option<Effect>,
+    },
+    /// Shows the picture as it is again: no plane, no false colours, no pixel shaders, the usual curve and exposure.
+    Plain,
     /// How bright the picture is.
     Exposure {
         /// Stops, or nothing to let the picture decide.
@@ -145,11 +164,13 @@ pub enum Input {
         /// Nothing always makes the whole picture.
         frames_per_second: Option<f32>,
     },
-    /// Starts or ends recording the camera's path and the changes.
+    /// Starts recording the camera's path and the changes, in place of what was recorded before, or ends it.
     Record {
         /// Whether.
         on: bool,
     },
+    /// Throws the recording away, finished or not.
+    Forget,
 }
 
 /// Phases of a drag.
@@ -174,7 +195,7 @@ pub enum Button {
 }
 
 /// What can be selected, by the numbers of handles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Selection {
     /// An instance, and the material by which it was picked.
@@ -184,6 +205,10 @@ pub enum Selection {
         /// The material; without one, the first of its object.
         #[serde(default)]
         material: Option<u32>,
+        /// Where the group that holds it is placed several times: the instances around it, from the innermost to one in the
+        /// world. What is missing is the first placement that there is.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        holders: Vec<u32>,
     },
     /// A light without surface.
     Light {
@@ -211,7 +236,14 @@ impl Input {
             Self::Seek { time } | Self::Rate { rate: time } => number(*time),
             Self::View { text: given } | Self::Renderer { name: given } => text(given),
             Self::Show { plane: Some(name) } => text(name),
+            Self::Surfaces { shader } | Self::Tone { curve: shader } => {
+                shader.as_ref().and_then(Effect::problem)
+            }
+            Self::Effects { shaders } => shaders.iter().find_map(Effect::problem),
             Self::Change { change: Change::Light { name, .. }, .. } => text(name),
+            Self::Select { what: Some(Selection::Instance { holders, .. }) } => {
+                (holders.len() > MAX_NESTING).then(|| format!("{} levels of groups", holders.len()))
+            }
             Self::Goal { frames_per_second: Some(rate) } if !(0.1..=1000.0).contains(rate) => {
                 Some(format!("{rate} frames per second; give 0.1 to 1000"))
             }
@@ -221,7 +253,7 @@ impl Input {
 
     /// Whether it can change what is seen: then a picture that is only being refined is given up for it.
     pub(crate) fn is_urgent(&self) -> bool {
-        !matches!(self, Self::Record { .. } | Self::Gizmo { .. })
+        !matches!(self, Self::Record { .. } | Self::Forget | Self::Gizmo { .. })
     }
 }
 

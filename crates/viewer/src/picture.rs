@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use heliostat_scene::{Frame, Plane, PlaneData};
-use heliostat_shading::tone;
 
 use crate::gizmo::Line;
 use crate::stats::Stats;
@@ -36,46 +35,6 @@ pub struct Picture {
     pub stats: Stats,
     /// The latest input that it shows, for each viewer's numbers.
     pub input: u64,
-}
-
-/// Maps radiance to bytes as [`tone::tone_map`] does, by a table: within one step of 256, ten times as fast.
-#[derive(Debug)]
-pub(crate) struct ToneMapper {
-    table: Vec<u8>,
-}
-
-/// The table covers 2^−24 to 2^8 in steps of 2^−10 of each power of two.
-const LOWEST: u32 = (127 - 24) << 23;
-const HIGHEST: u32 = (127 + 8) << 23;
-const SHIFT: u32 = 13;
-
-impl Default for ToneMapper {
-    fn default() -> Self {
-        let centers =
-            (LOWEST..HIGHEST).step_by(1 << SHIFT).map(|bits| f32::from_bits(bits + (1 << (SHIFT - 1))));
-        let colors: Vec<Vec3> = centers.map(Vec3::splat).collect();
-        let table = tone::tone_map(&colors, 0.0).chunks_exact(3).map(|rgb| rgb[0]).collect();
-        Self { table }
-    }
-}
-
-impl ToneMapper {
-    /// Rows of RGB bytes after `ev` stops of exposure.
-    pub(crate) fn map(&self, color: &[Vec3], ev: f32) -> Vec<u8> {
-        let gain = ev.exp2();
-        let last = self.table.len() - 1;
-        let byte = |x: f32| {
-            let x = x * gain;
-            // Not a number and negative values are black, as in the exact curve.
-            let bits = if x > 0.0 { x.to_bits() } else { 0 };
-            self.table[((bits.max(LOWEST) - LOWEST) >> SHIFT).min(last as u32) as usize]
-        };
-        let mut bytes = Vec::with_capacity(3 * color.len());
-        for c in color {
-            bytes.extend_from_slice(&[byte(c.x), byte(c.y), byte(c.z)]);
-        }
-        bytes
-    }
 }
 
 /// A plane as colours from 0 to 1: depth and position over their range, normals as 0.5 + 0.5 n, identifiers as distinct
@@ -171,19 +130,6 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_table_is_within_one_step_of_the_curve() {
-        let mapper = ToneMapper::default();
-        let values = (0..20_000).map(|i| (i as f32 * 0.001 - 14.0).exp2());
-        let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, 0.0, 1e-40, 1e30];
-        let colors: Vec<Vec3> = values.chain(odd).map(Vec3::splat).collect();
-        for ev in [0.0, -3.3, 5.0] {
-            let (table, exact) = (mapper.map(&colors, ev), tone::tone_map(&colors, ev));
-            let worst = table.iter().zip(&exact).map(|(a, b)| a.abs_diff(*b)).max();
-            assert!(worst <= Some(1), "{worst:?} at {ev}");
-        }
-    }
 
     #[test]
     fn normals_and_depth_become_colors() {

@@ -1,13 +1,15 @@
 //! The mean of successive frames of a scene that stands still.
 
 use glam::Vec3;
-use heliostat_scene::Frame;
+use heliostat_scene::{Frame, PlaneData};
 
 /// Sums up frames.
 #[derive(Debug, Default)]
 pub(crate) struct Refinement {
     size: [u32; 2],
     sum: Vec<Vec3>,
+    /// Of the first frame: later ones are the same but for noise, and what is drawn from them would flicker.
+    planes: Vec<PlaneData>,
     frames: u32,
 }
 
@@ -22,12 +24,18 @@ impl Refinement {
         self.frames
     }
 
+    /// The planes of the first frame.
+    pub(crate) fn planes(&self) -> &[PlaneData] {
+        &self.planes
+    }
+
     /// Adds a frame, and starts again when its size is another one; makes its colours the mean of all so far.
     pub(crate) fn add(&mut self, frame: &mut Frame) {
         let size = [frame.width, frame.height];
         if self.frames == 0 || self.size != size {
             self.size = size;
             self.sum.clone_from(&frame.color);
+            self.planes.clone_from(&frame.planes);
             self.frames = 1;
             return;
         }

@@ -8,16 +8,18 @@
 //! | `version` | 1 |
 //! | `scene` | what was looked at: a name or a file, for [`Replay::scene`] |
 //! | `renderer`, `size`, `exposure`, `diffuse` | how it was looked at; no exposure lets the picture decide |
+//! | `surfaces`, `effects`, `tone` | shaders by `name` and `parameters`: one in place of all others on surfaces, pixel shaders in order, the tone curve; absent where the picture was as usual |
 //! | `clip` | the number of the clip that was played; absent for a scene at rest |
-//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or `equidistant` or `equisolid` (fisheye, radians over the height) or none of them (panorama) |
+//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or `equidistant` or `equisolid` (fisheye, radians over the height) or none of them (panorama); `lens` and `stereo` where the camera has them |
 //! | `changes` | in order: `at` (seconds; 0 is before the first picture) and the fields of a [`Change`] |
 
 use glam::{Affine3A, Mat3A, Quat};
-use heliostat_scene::{Camera, Edit, Projection, Scene};
+use heliostat_scene::{Camera, Edit, Lens, Projection, Scene, Stereo, StereoView};
 use serde::{Deserialize, Serialize};
 
 use crate::change::{Change, Own};
 use crate::document::Refusal;
+use crate::style::Effect;
 
 /// Most views of a path and most changes.
 const MAX_ENTRIES: usize = 1_000_000;
@@ -40,6 +42,15 @@ pub struct Replay {
     /// Whether all surfaces were shown as diffuse.
     #[serde(default)]
     pub diffuse: bool,
+    /// The shader that all surfaces had instead of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surfaces: Option<Effect>,
+    /// The pixel shaders that pictures went through.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<Effect>,
+    /// The tone curve, if it was not the usual one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tone: Option<Effect>,
     /// Which clip was played; `None` for a scene at rest.
     #[serde(default)]
     pub clip: Option<usize>,
@@ -79,6 +90,69 @@ pub struct Key {
     /// Of an equisolid fisheye, radians over the height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub equisolid: Option<f32>,
+    /// Depth of field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<KeyLens>,
+    /// Two eyes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stereo: Option<KeyStereo>,
+}
+
+/// A lens as in [`Lens`], metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the fields are those of `Lens`")]
+pub struct KeyLens {
+    pub radius: f32,
+    pub focus_distance: f32,
+}
+
+/// Two eyes as in [`Stereo`], metres; without a convergence they look along parallel axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the fields are those of `Stereo`")]
+pub struct KeyStereo {
+    pub separation: f32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub convergence: Option<f32>,
+    pub view: KeyView,
+}
+
+/// See [`StereoView`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[expect(missing_docs, reason = "the names are those of `StereoView`")]
+pub enum KeyView {
+    Left,
+    Right,
+    SideBySide,
+    OverUnder,
+}
+
+impl From<Stereo> for KeyStereo {
+    fn from(stereo: Stereo) -> Self {
+        let Stereo { separation, convergence, view } = stereo;
+        let view = match view {
+            StereoView::Left => KeyView::Left,
+            StereoView::Right => KeyView::Right,
+            StereoView::SideBySide => KeyView::SideBySide,
+            StereoView::OverUnder => KeyView::OverUnder,
+        };
+        Self { separation, convergence: convergence.is_finite().then_some(convergence), view }
+    }
+}
+
+impl From<KeyStereo> for Stereo {
+    fn from(stereo: KeyStereo) -> Self {
+        let KeyStereo { separation, convergence, view } = stereo;
+        let view = match view {
+            KeyView::Left => StereoView::Left,
+            KeyView::Right => StereoView::Right,
+            KeyView::SideBySide => StereoView::SideBySide,
+            KeyView::OverUnder => StereoView::OverUnder,
+        };
+        Self { separation, convergence: convergence.unwrap_or(f32::INFINITY), view }
+    }
 }
 
 /// A change at a moment.
@@ -103,6 +177,8 @@ impl Key {
             height: None,
             equidistant: None,
             equisolid: None,
+            lens: camera.lens.map(|Lens { radius, focus_distance }| KeyLens { radius, focus_distance }),
+            stereo: camera.stereo.map(Into::into),
         };
         match camera.projection {
             Projection::Perspective { vertical_fov } => key.vertical_fov = Some(vertical_fov),
@@ -131,8 +207,8 @@ impl Key {
             world_from_camera: Affine3A::from_cols_array(&self.world_from_camera),
             motion: None,
             projection: self.projection(),
-            lens: None,
-            stereo: None,
+            lens: self.lens.map(|KeyLens { radius, focus_distance }| Lens { radius, focus_distance }),
+            stereo: self.stereo.map(Into::into),
         }
     }
 
@@ -152,9 +228,25 @@ impl Key {
             }
             (first, _) => first,
         };
+        let mix = |x: f32, y: f32| if x.is_finite() && y.is_finite() { x + t * (y - x) } else { x };
+        let lens = match (a.lens, b.lens) {
+            (Some(x), Some(y)) => Some(Lens {
+                radius: mix(x.radius, y.radius),
+                focus_distance: mix(x.focus_distance, y.focus_distance),
+            }),
+            (first, _) => first,
+        };
+        let stereo = match (a.stereo, b.stereo) {
+            (Some(x), Some(y)) => Some(Stereo {
+                separation: mix(x.separation, y.separation),
+                convergence: mix(x.convergence, y.convergence),
+                view: x.view,
+            }),
+            (first, _) => first,
+        };
         let matrix3 = Mat3A::from_quat(from.slerp(to, t).normalize());
         let world_from_camera = Affine3A { matrix3, translation: start.lerp(end, t) };
-        Camera { world_from_camera, projection, ..a }
+        Camera { world_from_camera, projection, lens, stereo, ..a }
     }
 }
 
@@ -169,6 +261,9 @@ impl Replay {
             size,
             exposure: None,
             diffuse: false,
+            surfaces: None,
+            effects: Vec::new(),
+            tone: None,
             clip: None,
             keys,
             changes,
@@ -277,7 +372,8 @@ impl Recorder {
 
     /// Notes a view; `false` when the recording has become too long and ends here.
     pub(crate) fn view(&mut self, key: Key) -> bool {
-        let still = |last: &Key| last.world_from_camera == key.world_from_camera && last.time == key.time;
+        // All but the moment is the same.
+        let still = |last: &Key| Key { at: last.at, ..key.clone() } == *last;
         let dense = |last: &Key| key.at - last.at < 1.0 / MAX_RATE;
         // Of a stretch without motion the two ends are enough.
         if let [.., a, b] = &mut self.keys[..]
@@ -296,6 +392,11 @@ impl Recorder {
         if self.changes.len() < MAX_ENTRIES {
             self.changes.push(Timed { at, change });
         }
+    }
+
+    /// Length so far.
+    pub(crate) fn seconds(&self) -> f64 {
+        self.keys.last().map_or(0.0, |key| key.at)
     }
 
     /// What was recorded so far.
@@ -358,6 +459,34 @@ mod tests {
         };
         assert_eq!((edits(None, 0.0), edits(Some(0.0), 0.6)), (vec![1.0], vec![3.0]));
         assert!(edits(Some(0.6), 9.0).is_empty());
+    }
+
+    #[test]
+    fn lenses_and_pairs_of_eyes_are_kept() {
+        let mut replay = replay();
+        let camera = |focus: f32, convergence: f32| {
+            let view = StereoView::SideBySide;
+            let mut camera = key(0.0, 0.0, 0.0).camera();
+            camera.lens = Some(Lens { radius: 0.02, focus_distance: focus });
+            camera.stereo = Some(Stereo { separation: 0.064, convergence, view });
+            camera
+        };
+        replay.keys = vec![Key::new(0.0, 0.0, &camera(2.0, 3.0)), Key::new(1.0, 0.0, &camera(4.0, 5.0))];
+        replay.effects = vec![Effect::named("edges")];
+        let read = Replay::from_json(&replay.to_json()).expect("valid");
+        assert_eq!(read, replay);
+        let (middle, _) = read.view(0.5).expect("a view");
+        assert_eq!(middle.lens.map(|lens| lens.focus_distance), Some(3.0));
+        assert_eq!(middle.stereo.map(|stereo| stereo.convergence), Some(4.0));
+        // Parallel axes meet nowhere, which no number in the file says.
+        replay.keys = vec![Key::new(0.0, 0.0, &camera(2.0, f32::INFINITY))];
+        let read = Replay::from_json(&replay.to_json()).expect("valid");
+        assert_eq!(
+            read.view(0.0).expect("a view").0,
+            Camera { name: "replay".into(), ..camera(2.0, f32::INFINITY) }
+        );
+        replay.keys[0].lens = Some(KeyLens { radius: -1.0, focus_distance: 1.0 });
+        assert!(Replay::from_json(&replay.to_json()).is_err());
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Sessions without any face: what goes in, what comes out.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,8 +9,8 @@ use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{Backend, Frame, Progress};
 
 use crate::{
-    Button, Change, Host, Input, Lamp, Opened, Phase, Picture, Refusal, Selected, Session, SessionOptions,
-    Source, State,
+    Button, Change, Effect, Host, Input, Lamp, Opened, Phase, Picture, Refusal, Selected, Session,
+    SessionOptions, Setting, Source, State,
 };
 
 /// Opens built-in scenes; uploads fail.
@@ -187,6 +188,70 @@ fn renderers_and_planes_switch_and_bad_inputs_are_told() {
 }
 
 #[test]
+fn pictures_are_shown_another_way_and_as_they_are_again() {
+    let session = session("cornell");
+    let plain = paused(&session);
+    let mut number = 3;
+    let mut shown = |input: Input| {
+        number += 1;
+        session.input(number, input).expect("taken");
+        still(&session, number)
+    };
+    let normals = shown(Input::Surfaces { shader: Some(Effect::named("show-normal")) });
+    assert!(difference(&plain, &normals) > 20.0);
+    assert_eq!(session.news().picture.expect("a picture").exposure, 0.0, "colours are data");
+    let depth = shown(Input::Surfaces { shader: Some(Effect::named("show-depth")) });
+    let replay = session.replay().expect("a scene");
+    let far = replay.surfaces.expect("a shader").parameters["far"];
+    assert!(
+        matches!(far, Setting::Number(far) if far > 0.1 && far < 10.0),
+        "of the size of the scene: {far:?}"
+    );
+    let edges = shown(Input::Effects { shaders: vec![Effect::named("edges")] });
+    assert!(difference(&edges, &depth) > 0.2);
+    let agx = shown(Input::Tone { curve: Some(Effect::named("agx")) });
+    assert!(difference(&agx, &edges) > 1.0);
+    let replay = session.replay().expect("a scene");
+    assert_eq!((replay.effects.len(), replay.tone.expect("a curve").name), (1, "agx".to_owned()));
+    // What is refused changes nothing.
+    session.input(50, Input::Tone { curve: Some(Effect::named("edges")) }).expect("taken");
+    wait(&session, "a message", |_, state| state.messages.iter().find(|m| m.error).map(|_| ()));
+    let state = session.news().state;
+    assert_eq!(state.scene.as_ref().expect("a scene").tone, Some(Effect::named("agx")));
+    session.input(51, Input::Plain).expect("taken");
+    let again = still(&session, 51);
+    assert!(
+        difference(&plain, &again) < difference(&plain, &normals) / 4.0,
+        "{}",
+        difference(&plain, &again)
+    );
+    let scene = session.news().state.scene.clone().expect("a scene");
+    assert!(scene.surfaces.is_none() && scene.effects.is_empty() && scene.tone.is_none());
+}
+
+#[test]
+fn recordings_can_be_thrown_away() {
+    let session = session("cornell");
+    paused(&session);
+    let views = |session: &Session| session.replay().expect("a scene").keys.len();
+    let recorded = |session: &Session| session.news().state.scene.as_ref().and_then(|scene| scene.recorded);
+    session.input(10, Input::Record { on: true }).expect("taken");
+    session.input(11, Input::Pan { by: [0.1, 0.0] }).expect("taken");
+    still(&session, 11);
+    std::thread::sleep(Duration::from_millis(50));
+    session.input(12, Input::Pan { by: [0.1, 0.0] }).expect("taken");
+    still(&session, 12);
+    session.input(13, Input::Record { on: false }).expect("taken");
+    wait(&session, "its end", |_, state| state.scene.as_ref().filter(|scene| !scene.recording).map(|_| ()));
+    assert!(views(&session) > 1 && recorded(&session) > Some(0.0));
+    session.input(14, Input::Forget).expect("taken");
+    wait(&session, "nothing", |_, state| state.scene.as_ref()?.recorded.is_none().then_some(()));
+    assert_eq!(views(&session), 1);
+    session.input(15, Input::Record { on: true }).expect("taken");
+    wait(&session, "another", |_, state| state.scene.as_ref()?.recording.then_some(()));
+}
+
+#[test]
 fn opening_shows_progress_and_failures_keep_the_old_scene() {
     let host = Arc::new(TestHost::default());
     host.slow.store(true, Ordering::SeqCst);
@@ -199,7 +264,11 @@ fn opening_shows_progress_and_failures_keep_the_old_scene() {
     assert!(start.elapsed() < Duration::from_secs(2));
     host.slow.store(false, Ordering::SeqCst);
     wait(&session, "a picture", |picture, _| picture.map(|_| ()));
-    session.open(Source::Upload { name: "x.glb".into(), bytes: Arc::from(*b"nonsense") });
+    session.open(Source::Upload {
+        name: "x.glb".into(),
+        bytes: Arc::from(*b"nonsense"),
+        beside: BTreeMap::new(),
+    });
     wait(&session, "a failure", |_, state| {
         state.messages.iter().find(|m| m.text == "no uploads here").map(|_| ())
     });

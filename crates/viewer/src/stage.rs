@@ -2,31 +2,33 @@
 
 use std::time::Instant;
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use heliostat_scene::{
-    ApplyReport, Backend, Camera, FrameRequest, InstanceId, LightId, MaterialOverride, Plane, Projection,
-    SceneBounds,
+    ApplyReport, Backend, Camera, FrameRequest, InstanceId, Plane, Projection, SceneBounds,
 };
 
 use crate::change::{Change, Lamp};
 use crate::document::{Document, Refusal};
-use crate::geometry::{holder, object_bounds, world_from_parent};
-use crate::gizmo::{self, Drag, Gizmo, GizmoMode, Line};
+use crate::geometry::{object_bounds, ray_through};
+use crate::gizmo::{self, GizmoMode};
 use crate::governor::Goal;
+use crate::hand::Hand;
 use crate::host::Opened;
-use crate::input::{Button, Input, Phase, Selection, point};
+use crate::input::{Input, Selection, point};
 use crate::navigator::Navigator;
 use crate::pick::{Pick, look_along, pick};
+use crate::placed::{holders, holders_hit};
 use crate::replay::{Key, Recorder, Replay};
 use crate::state::{self, SceneState};
+use crate::style::{self, Finish, ShaderChoice, Style, false_colors, pixel_shaders};
 
 /// Frames per second that the governor holds unless told otherwise.
 const DEFAULT_GOAL: f32 = 15.0;
 /// Most and least columns or rows of a picture, and most pixels.
 const EDGES: [u32; 2] = [16, 8192];
 const MAX_PIXELS: u64 = 1 << 23;
-/// Furthest that a pointer moves in a click, as a share of the picture's height.
-const CLICK: f32 = 0.01;
+/// Radiance that a picture shows as a middle grey, at 0 stops.
+const MIDDLE_GREY: f32 = 0.18;
 /// Gestures of the stage's own, beyond those that users number.
 const OWN_GESTURES: u64 = 1 << 62;
 
@@ -41,42 +43,35 @@ pub(crate) struct Stage {
     pub(crate) size: [u32; 2],
     pub(crate) renderer: String,
     pub(crate) plane: Option<Plane>,
-    diffuse: bool,
+    style: Style,
+    /// The style, ready for pictures.
+    pub(crate) finish: Finish,
+    choices: [Vec<ShaderChoice>; 2],
     pub(crate) exposure: Option<f32>,
+    /// Stops by which the picture on show was brightened.
+    pub(crate) shown_exposure: f32,
     pub(crate) goal: Goal,
-    selection: Option<Selection>,
+    pub(crate) selection: Option<Selection>,
     /// The box of the selected instance's object, in its own space.
-    selected_box: Option<SceneBounds>,
-    gizmo: GizmoMode,
-    hand: Hand,
-    gestures: u64,
+    pub(crate) selected_box: Option<SceneBounds>,
+    pub(crate) gizmo: GizmoMode,
+    pub(crate) hand: Hand,
+    pub(crate) gestures: u64,
     pub(crate) playing: bool,
     clip: usize,
     pub(crate) time: f64,
     rate: f64,
     /// Whether the timeline has said anything yet: until then the scene is at rest.
     pub(crate) plays: bool,
-    /// When it began and whether it still goes on.
-    recording: Option<(Instant, bool, Recorder)>,
+    recording: Option<Recording>,
 }
 
-/// What a pressed pointer is doing.
-#[derive(Clone, Copy, Debug, Default)]
-enum Hand {
-    #[default]
-    Free,
-    /// A click so far.
-    Pressed { from: Vec2, last: Vec2, button: Button },
-    /// A drag of the view.
-    Turning { last: Vec2, button: Button },
-    /// A handle and what it moves: an instance from its place, or a light from its position.
-    Handle { drag: Drag, what: Held },
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Held {
-    Instance { id: InstanceId, start: Affine3A, world_from_parent: Affine3A },
-    Light { id: LightId, start: Vec3 },
+/// A recording that goes on, or has ended.
+#[derive(Debug)]
+struct Recording {
+    start: Instant,
+    goes_on: bool,
+    recorder: Recorder,
 }
 
 /// What an input did to the picture.
@@ -91,9 +86,9 @@ pub(crate) struct Effect {
 }
 
 impl Effect {
-    const NONE: Self = Self { picture: false, lines: false, report: None };
+    pub(crate) const NONE: Self = Self { picture: false, lines: false, report: None };
     const LINES: Self = Self { lines: true, ..Self::NONE };
-    const PICTURE: Self = Self { picture: true, ..Self::NONE };
+    pub(crate) const PICTURE: Self = Self { picture: true, ..Self::NONE };
 
     fn applied(report: ApplyReport) -> Self {
         Self { picture: true, lines: true, report: Some(report) }
@@ -101,7 +96,7 @@ impl Effect {
 }
 
 impl Stage {
-    pub(crate) fn new(opened: Opened, size: [u32; 2], renderer: &str) -> Self {
+    pub(crate) fn new(opened: Opened, size: [u32; 2], renderer: &str) -> Result<Self, Refusal> {
         let Opened { title, backend, scene, timeline, home, .. } = opened;
         let bounds = scene.bounds();
         let document = Document::new(backend, scene, timeline);
@@ -115,8 +110,11 @@ impl Stage {
             size,
             renderer: renderer.into(),
             plane: None,
-            diffuse: false,
+            finish: Style::default().bind()?,
+            style: Style::default(),
+            choices: [false_colors(), pixel_shaders()],
             exposure: None,
+            shown_exposure: 0.0,
             goal: Goal { frames_per_second: Some(DEFAULT_GOAL) },
             selection: None,
             selected_box: None,
@@ -133,7 +131,7 @@ impl Stage {
         if let Some(first) = names.first().filter(|_| !names.contains(&renderer)) {
             stage.renderer = (*first).into();
         }
-        stage
+        Ok(stage)
     }
 
     pub(crate) fn aspect(&self) -> f32 {
@@ -199,19 +197,62 @@ impl Stage {
                     }
                 };
             }
-            Input::Diffuse { on } => self.diffuse = on,
+            Input::Diffuse { on } => {
+                return self.restyle(Style { diffuse: on, surfaces: None, ..self.style.clone() });
+            }
+            Input::Surfaces { shader } => {
+                let surfaces = shader.map(|effect| self.sized(effect));
+                return self.restyle(Style { diffuse: false, surfaces, ..self.style.clone() });
+            }
+            Input::Effects { shaders } => {
+                return self.restyle(Style { effects: shaders, ..self.style.clone() });
+            }
+            Input::Tone { curve } => return self.restyle(Style { tone: curve, ..self.style.clone() }),
+            Input::Plain => {
+                (self.plane, self.exposure) = (None, None);
+                return self.restyle(Style::default());
+            }
             Input::Exposure { stops } => self.exposure = stops.map(|ev| ev.clamp(-30.0, 30.0)),
             Input::Goal { frames_per_second } => self.goal = Goal { frames_per_second },
             Input::Record { on } => {
+                // Where it begins and ends is part of it, even if no picture is made in between.
+                let camera = self.navigator.camera();
                 if on {
-                    self.recording = Some((Instant::now(), true, Recorder::new(self.document.changes())));
-                } else if let Some((_, goes_on, _)) = &mut self.recording {
-                    *goes_on = false;
+                    let recorder = Recorder::new(self.document.changes());
+                    self.recording = Some(Recording { start: Instant::now(), goes_on: true, recorder });
                 }
+                self.record(&camera);
+                if let Some(recording) = self.recording.as_mut().filter(|_| !on) {
+                    recording.goes_on = false;
+                }
+                return Ok(Effect::NONE);
+            }
+            Input::Forget => {
+                self.recording = None;
                 return Ok(Effect::NONE);
             }
         }
         Ok(Effect::PICTURE)
+    }
+
+    /// Shows pictures another way; if that is not possible, all stays as it is.
+    fn restyle(&mut self, style: Style) -> Result<Effect, Refusal> {
+        self.finish = style.bind()?;
+        self.style = style;
+        Ok(Effect::PICTURE)
+    }
+
+    /// Distances are shown from the nearest to the furthest that there is from here, unless the user says otherwise.
+    fn sized(&self, mut effect: style::Effect) -> style::Effect {
+        let Some(bounds) = self.bounds.filter(|_| effect.name == "show-depth") else { return effect };
+        let eye = Vec3::from(self.navigator.camera().world_from_camera.translation);
+        let (middle, radius) = (eye.distance(bounds.center()), bounds.radius());
+        for (name, distance) in [("near", (middle - radius).max(0.0)), ("far", (middle + radius).max(1e-6))] {
+            if distance.is_finite() {
+                effect.parameters.entry(name.into()).or_insert(style::Setting::Number(distance));
+            }
+        }
+        effect
     }
 
     fn resize(&mut self, [width, height]: [u32; 2]) -> Effect {
@@ -227,129 +268,13 @@ impl Stage {
         Effect { picture: changed, ..Effect::NONE }
     }
 
-    fn pointer(&mut self, phase: Phase, at: Vec2, button: Button) -> Result<Effect, Refusal> {
-        match (phase, self.hand) {
-            (Phase::Down, _) => {
-                self.hand = Hand::Pressed { from: at, last: at, button };
-                if button == Button::Turn
-                    && let Some((drag, what)) = self.grasp(at)
-                {
-                    self.gestures += 1;
-                    self.hand = Hand::Handle { drag, what };
-                }
-                Ok(Effect::NONE)
-            }
-            (_, Hand::Free) => Ok(Effect::NONE),
-            (Phase::Move, Hand::Pressed { from, last, button }) => {
-                let far = ((at - from) * Vec2::new(self.aspect(), 1.0)).length() > CLICK;
-                if !far {
-                    return Ok(Effect::NONE);
-                }
-                self.hand = Hand::Turning { last, button };
-                self.pointer(phase, at, button)
-            }
-            (Phase::Move, Hand::Turning { last, button }) => {
-                let drag = (at - last) * Vec2::new(self.aspect(), 1.0);
-                match button {
-                    Button::Turn => self.navigator.turn(drag),
-                    Button::Pan => self.navigator.pan(drag),
-                }
-                self.hand = Hand::Turning { last: at, button };
-                Ok(Effect::PICTURE)
-            }
-            (Phase::Move, Hand::Handle { drag, what }) => self.pull(&drag, what, at),
-            (Phase::Up, Hand::Pressed { button, .. }) => {
-                self.hand = Hand::Free;
-                let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(Vec2::ONE).all();
-                if button == Button::Turn && inside { self.select_at(at) } else { Ok(Effect::NONE) }
-            }
-            (Phase::Up, _) => {
-                self.hand = Hand::Free;
-                Ok(Effect::NONE)
-            }
-        }
-    }
-
-    /// The handle under the pointer, and what it holds.
-    fn grasp(&self, at: Vec2) -> Option<(Drag, Held)> {
-        let drag = self.handles()?.grasp(&self.navigator.camera(), at, self.aspect())?;
-        let scene = self.document.scene();
-        let what = match self.selection? {
-            Selection::Instance { instance, .. } => {
-                let id = InstanceId(instance);
-                let start = scene.instances().get(&id)?.parent_from_object;
-                Held::Instance { id, start, world_from_parent: world_from_parent(scene, id) }
-            }
-            Selection::Light { light } => {
-                let id = LightId(light);
-                Held::Light { id, start: Lamp::of(&scene.lights().get(&id)?.kind).position()? }
-            }
-        };
-        Some((drag, what))
-    }
-
-    /// Moves what a handle holds.
-    fn pull(&mut self, drag: &Drag, what: Held, at: Vec2) -> Result<Effect, Refusal> {
-        let Some(change) = drag.world_change(&self.navigator.camera(), at, self.aspect()) else {
-            return Ok(Effect::NONE);
-        };
-        let change = match what {
-            Held::Instance { id, start, world_from_parent } => {
-                let place = world_from_parent.inverse() * change * world_from_parent * start;
-                Change::place(id, place)
-            }
-            Held::Light { id, start } => {
-                let Some(light) = self.document.scene().lights().get(&id) else { return Ok(Effect::NONE) };
-                let to = Lamp::of(&light.kind).at(change.transform_point3(start));
-                Change::Light { light: id.0, name: light.name.clone(), to: Some(to) }
-            }
-        };
-        self.change(change, self.gestures)
-    }
-
-    /// Where the handles of the selected thing stand.
-    fn handles(&self) -> Option<Gizmo> {
-        let scene = self.document.scene();
-        match self.selection? {
-            Selection::Instance { instance, .. } => {
-                let id = InstanceId(instance);
-                let place = world_from_parent(scene, id) * scene.instances().get(&id)?.parent_from_object;
-                let middle = self.selected_box.map_or(Vec3::ZERO, |bounds| bounds.center());
-                Some(Gizmo { mode: self.gizmo, origin: place.transform_point3(middle) })
-            }
-            Selection::Light { light } => {
-                let position = Lamp::of(&scene.lights().get(&LightId(light))?.kind).position()?;
-                // A point can be moved alone.
-                Some(Gizmo { mode: GizmoMode::Move, origin: position })
-            }
-        }
-    }
-
-    /// The lines over the picture of a camera.
-    pub(crate) fn lines(&self, camera: &Camera) -> Vec<Line> {
-        const MAX_MARKS: usize = 64;
-        let (scene, aspect) = (self.document.scene(), self.aspect());
-        let places = scene.lights().values().filter_map(|light| Lamp::of(&light.kind).position());
-        let mut lines: Vec<Line> =
-            places.take(MAX_MARKS).filter_map(|place| gizmo::light_mark(camera, aspect, place)).collect();
-        if let (Some(Selection::Instance { instance, .. }), Some(bounds)) =
-            (self.selection, &self.selected_box)
-            && let Some(placed) = scene.instances().get(&InstanceId(instance))
-        {
-            let place = world_from_parent(scene, InstanceId(instance)) * placed.parent_from_object;
-            lines.extend(gizmo::box_lines(camera, aspect, bounds, place));
-        }
-        lines.extend(self.handles().map(|handles| handles.lines(camera, aspect)).into_iter().flatten());
-        lines
-    }
-
     fn pick_at(&mut self, at: Vec2) -> Result<Option<Pick>, Refusal> {
         let (camera, aspect) = (self.navigator.camera(), self.aspect());
         Ok(pick(self.document.backend(), &camera, at, aspect)?)
     }
 
     /// Selects the light or the thing under the pointer.
-    fn select_at(&mut self, at: Vec2) -> Result<Effect, Refusal> {
+    pub(crate) fn select_at(&mut self, at: Vec2) -> Result<Effect, Refusal> {
         let (camera, aspect) = (self.navigator.camera(), self.aspect());
         let mut lights = self.document.scene().lights().iter();
         let light = lights.find(|(_, light)| {
@@ -360,18 +285,24 @@ impl Stage {
             let light = id.0;
             return Ok(self.select(Some(Selection::Light { light })));
         }
+        let ray = ray_through(&camera, at, aspect);
         let found = self.pick_at(at)?;
-        let instance =
-            |pick: Pick| Selection::Instance { instance: pick.instance.0, material: Some(pick.material.0) };
-        Ok(self.select(found.map(instance)))
+        let scene = self.document.scene();
+        let instance = |pick: Pick| Selection::Instance {
+            instance: pick.instance.0,
+            material: Some(pick.material.0),
+            holders: holders_hit(scene, pick.instance, &ray, pick.distance),
+        };
+        let what = found.map(instance);
+        Ok(self.select(what))
     }
 
     fn select(&mut self, what: Option<Selection>) -> Effect {
         let scene = self.document.scene();
-        self.selection = what.filter(|what| state::selected(scene, *what).is_some());
-        self.selected_box = match self.selection {
+        self.selection = what.filter(|what| state::selected(scene, what).is_some());
+        self.selected_box = match &self.selection {
             Some(Selection::Instance { instance, .. }) => {
-                scene.instances().get(&InstanceId(instance)).and_then(|i| object_bounds(scene, i.object))
+                scene.instances().get(&InstanceId(*instance)).and_then(|i| object_bounds(scene, i.object))
             }
             _ => None,
         };
@@ -379,11 +310,13 @@ impl Stage {
     }
 
     fn select_holder(&mut self) -> Effect {
-        let Some(Selection::Instance { instance, material }) = self.selection else { return Effect::NONE };
-        match holder(self.document.scene(), InstanceId(instance)) {
-            Some(id) => self.select(Some(Selection::Instance { instance: id.0, material })),
-            None => Effect::NONE,
-        }
+        let Some(Selection::Instance { instance, material, holders: wanted }) = &self.selection else {
+            return Effect::NONE;
+        };
+        let around = holders(self.document.scene(), InstanceId(*instance), wanted);
+        let Some((first, rest)) = around.split_first() else { return Effect::NONE };
+        let holders = rest.iter().map(|id| id.0).collect();
+        self.select(Some(Selection::Instance { instance: first.0, material: *material, holders }))
     }
 
     fn focus(&mut self, at: Option<Vec2>) -> Result<Effect, Refusal> {
@@ -402,13 +335,10 @@ impl Stage {
 
     /// By how much the selected instance is larger than its object.
     fn selected_scale(&self) -> f32 {
-        let Some(Selection::Instance { instance, .. }) = self.selection else { return 1.0 };
-        let (scene, id) = (self.document.scene(), InstanceId(instance));
-        let place = scene.instances().get(&id).map(|i| world_from_parent(scene, id) * i.parent_from_object);
-        place.map_or(1.0, |place| place.matrix3.determinant().abs().cbrt())
+        self.selected_place().map_or(1.0, |place| place.matrix3.determinant().abs().cbrt())
     }
 
-    fn change(&mut self, change: Change, gesture: u64) -> Result<Effect, Refusal> {
+    pub(crate) fn change(&mut self, change: Change, gesture: u64) -> Result<Effect, Refusal> {
         let report = self.document.change(change.clone(), gesture)?;
         self.note(change);
         self.reselect();
@@ -417,13 +347,14 @@ impl Stage {
 
     /// What is gone cannot stay selected.
     fn reselect(&mut self) {
-        if self.selection.is_some_and(|what| state::selected(self.document.scene(), what).is_none()) {
+        let scene = self.document.scene();
+        if self.selection.as_ref().is_some_and(|what| state::selected(scene, what).is_none()) {
             self.select(None);
         }
     }
 
     fn note(&mut self, change: Change) {
-        if let Some((start, true, recorder)) = &mut self.recording {
+        if let Some(Recording { start, goes_on: true, recorder }) = &mut self.recording {
             recorder.change(start.elapsed().as_secs_f64(), change);
         }
     }
@@ -452,8 +383,9 @@ impl Stage {
         let eye = Vec3::from(self.navigator.camera().world_from_camera.translation);
         let position = eye + 0.5 * distance * self.navigator.forward();
         let next = self.document.scene().lights().keys().next_back().map_or(0, |id| id.0.saturating_add(1));
-        // As bright at a tenth of the scene's size as a white surface in an ordinary room.
-        let intensity = [10.0 * (0.1 * radius).powi(2) * std::f32::consts::PI; 3];
+        // Whatever the light, a white surface where the view looks gets four times as bright as a middle grey is now.
+        let radiance = 4.0 * MIDDLE_GREY / self.shown_exposure.exp2();
+        let intensity = [std::f32::consts::PI * radiance * (0.5 * distance).powi(2); 3];
         let to = Lamp::Point { position: position.to_array(), intensity, range: None };
         self.gestures += 1;
         let gesture = self.gestures;
@@ -522,11 +454,13 @@ impl Stage {
             renderer: self.renderer.clone(),
             samples: 1,
             frame,
-            materials: if self.diffuse { MaterialOverride::Diffuse } else { MaterialOverride::None },
+            materials: self.style.materials(),
             ..FrameRequest::new(self.navigator.camera(), width, height)
         };
         if let Some(plane) = self.plane {
             request.planes = vec![plane];
+        } else if self.finish.needs_geometry {
+            request.planes = Finish::GEOMETRY.to_vec();
         }
         request
     }
@@ -534,7 +468,7 @@ impl Stage {
     /// Notes the view for a recording.
     pub(crate) fn record(&mut self, camera: &Camera) {
         let time = self.time;
-        if let Some((start, goes_on, recorder)) = &mut self.recording
+        if let Some(Recording { start, goes_on, recorder }) = &mut self.recording
             && *goes_on
         {
             *goes_on = recorder.view(Key::new(start.elapsed().as_secs_f64(), time, camera));
@@ -544,7 +478,7 @@ impl Stage {
     /// The recording, or, when there is none, this view with all changes.
     pub(crate) fn replay(&self) -> Replay {
         let camera = self.navigator.camera();
-        let recorded = self.recording.as_ref().map(|(_, _, recorder)| recorder.snapshot());
+        let recorded = self.recording.as_ref().map(|recording| recording.recorder.snapshot());
         let (keys, changes) = recorded.filter(|(keys, _)| keys.len() > 1).unwrap_or_else(|| {
             let mut recorder = Recorder::new(self.document.changes());
             recorder.view(Key::new(0.0, self.time, &camera));
@@ -552,7 +486,8 @@ impl Stage {
         });
         let mut replay = Replay::new(self.title.clone(), self.renderer.clone(), self.size, keys, changes);
         replay.exposure = self.exposure;
-        replay.diffuse = self.diffuse;
+        let Style { diffuse, surfaces, effects, tone } = self.style.clone();
+        (replay.diffuse, replay.surfaces, replay.effects, replay.tone) = (diffuse, surfaces, effects, tone);
         replay.clip = self.plays.then_some(self.clip);
         replay
     }
@@ -573,7 +508,12 @@ impl Stage {
             renderer: self.renderer.clone(),
             planes: Plane::ALL.iter().map(|plane| plane.name().into()).collect(),
             plane: self.plane.map(|plane| plane.name().into()),
-            diffuse: self.diffuse,
+            diffuse: self.style.diffuse,
+            false_colors: self.choices[0].clone(),
+            surfaces: self.style.surfaces.clone(),
+            pixel_shaders: self.choices[1].clone(),
+            effects: self.style.effects.clone(),
+            tone: self.style.tone.clone(),
             exposure: self.exposure,
             goal: self.goal.frames_per_second,
             cameras: scene.cameras().values().map(|camera| camera.name.clone()).collect(),
@@ -585,7 +525,7 @@ impl Stage {
             thing_count: scene.placed_in(None).count(),
             surroundings: document.surroundings().clone(),
             has_surroundings: state::has_surroundings(document),
-            selection: self.selection.and_then(|what| state::selected(scene, what)),
+            selection: self.selection.as_ref().and_then(|what| state::selected(scene, what)),
             gizmo: self.gizmo,
             clips: clips.map(|clip| (clip.name.clone(), clip.motion.duration())).collect(),
             clip: self.clip,
@@ -593,7 +533,8 @@ impl Stage {
             rate: self.rate,
             undo,
             redo,
-            recording: self.recording.as_ref().is_some_and(|(_, goes_on, _)| *goes_on),
+            recording: self.recording.as_ref().is_some_and(|recording| recording.goes_on),
+            recorded: self.recording.as_ref().map(|recording| recording.recorder.seconds()),
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::document::Document;
 use crate::gizmo::GizmoMode;
 use crate::input::Selection;
 use crate::navigator::Mode;
+use crate::style::{Effect, ShaderChoice};
 
 /// Most lights and objects that are listed; the number of all of them is told beside.
 const MAX_LISTED: usize = 200;
@@ -64,6 +65,16 @@ pub struct SceneState {
     pub plane: Option<String>,
     /// Whether all surfaces are shown as diffuse.
     pub diffuse: bool,
+    /// The shaders that show quantities in false colours.
+    pub false_colors: Vec<ShaderChoice>,
+    /// The shader that all surfaces have instead of their own.
+    pub surfaces: Option<Effect>,
+    /// The pixel shaders, tone curves among them.
+    pub pixel_shaders: Vec<ShaderChoice>,
+    /// What the picture goes through.
+    pub effects: Vec<Effect>,
+    /// The tone curve, where the user has chosen.
+    pub tone: Option<Effect>,
     /// Stops, where the user has chosen.
     pub exposure: Option<f32>,
     /// Frames per second to hold while moving.
@@ -104,6 +115,8 @@ pub struct SceneState {
     pub redo: Option<&'static str>,
     /// Whether the path and changes are being recorded.
     pub recording: bool,
+    /// Length of the recording, seconds, that goes on or has ended; `None` when there is none.
+    pub recorded: Option<f64>,
 }
 
 /// A light without surface.
@@ -193,12 +206,12 @@ pub(crate) fn has_surroundings(document: &Document) -> bool {
 }
 
 /// What the panels show of a selected thing; `None` when it is no longer there.
-pub(crate) fn selected(scene: &Scene, selection: Selection) -> Option<Selected> {
-    match selection {
+pub(crate) fn selected(scene: &Scene, selection: &Selection) -> Option<Selected> {
+    match *selection {
         Selection::Light { light } => {
             scene.lights().contains_key(&LightId(light)).then_some(Selected::Light { light })
         }
-        Selection::Instance { instance, material } => {
+        Selection::Instance { instance, material, .. } => {
             let id = InstanceId(instance);
             let placed = scene.instances().get(&id)?;
             let first = || scene.objects().get(&placed.object)?.parts.first().map(|part| part.material);

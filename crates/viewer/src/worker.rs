@@ -12,7 +12,7 @@ use crate::governor::Governor;
 use crate::host::{Host, Opened, Source};
 use crate::input::Input;
 use crate::navigator::Mode;
-use crate::picture::{Picture, ToneMapper, plane_bytes, plane_colors};
+use crate::picture::{Picture, plane_bytes, plane_colors};
 use crate::refine::Refinement;
 use crate::replay::Replay;
 use crate::session::{Inbox, SessionOptions, Shared};
@@ -46,7 +46,6 @@ pub(crate) struct Worker {
     opening: Option<Opening>,
     governor: Governor,
     refinement: Refinement,
-    mapper: ToneMapper,
     meter: Meter,
     state: State,
     messages: u64,
@@ -93,7 +92,6 @@ impl Worker {
             opening: None,
             governor: Governor::default(),
             refinement: Refinement::default(),
-            mapper: ToneMapper::default(),
             meter: Meter::default(),
             state: State::default(),
             messages: 0,
@@ -324,13 +322,16 @@ impl Worker {
         }
         let size = self.stage.as_ref().map_or(self.options.size, |stage| stage.size);
         self.state.title = opened.title.clone();
-        self.stage = Some(Stage::new(opened, size, &self.options.renderer));
+        match Stage::new(opened, size, &self.options.renderer) {
+            Ok(stage) => self.stage = Some(stage),
+            Err(refusal) => return self.tell(true, refusal.0),
+        }
         self.governor = Governor::default();
         self.exposure = None;
         self.last = Instant::now();
         self.refinement.restart();
-        // A scene is looked at before it is moved through: its first picture is whole, unless it plays at once.
-        (self.dirty, self.done, self.shown) = (false, false, None);
+        // A first picture soon, however small; whole ones follow at once where nothing plays.
+        (self.dirty, self.done, self.shown) = (true, false, None);
         let early = std::mem::take(&mut self.early);
         self.handle(early);
         self.moved = Instant::now().checked_sub(CALM).unwrap_or_else(Instant::now);
@@ -391,11 +392,19 @@ impl Worker {
         }
         let frames = if still { self.refinement.frames() } else { 1 };
         self.dirty &= still;
+        let threads = self.options.threads;
+        if stage.plane.is_none() {
+            let planes = std::mem::take(&mut frame.planes);
+            stage.finish.apply(&mut frame, if still { self.refinement.planes() } else { &planes }, threads);
+        }
         let (rgb, exposure) = match (stage.plane, frame.planes.first()) {
             (Some(plane), Some(data)) => (plane_bytes(&plane_colors(data), plane), 0.0),
             _ => {
-                let ev = stage.exposure.unwrap_or_else(|| adapt(&frame, &mut self.exposure));
-                (self.mapper.map(&frame.color, ev), ev)
+                // What is in colours for a display has its brightness already.
+                let usual = if stage.finish.shown { Some(0.0) } else { None };
+                let ev = stage.exposure.or(usual).unwrap_or_else(|| adapt(&frame, &mut self.exposure));
+                stage.shown_exposure = ev;
+                (stage.finish.tone.map(&frame.color, frame.width, ev, threads), ev)
             }
         };
         stats.tone = start.elapsed().as_secs_f64() * 1e3;

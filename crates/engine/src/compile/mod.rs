@@ -74,8 +74,8 @@ pub(crate) struct Compiled {
     shading: ShadingScene,
     /// The bounds with which the lights were weighed.
     lit_bounds: Option<SceneBounds>,
-    /// Tables for [`MaterialOverride::Diffuse`], made when first asked for.
-    diffuse: Option<ShadingScene>,
+    /// Tables for the override that was asked for last.
+    overridden: Option<(MaterialOverride, ShadingScene)>,
     pace: worn::Pace,
     /// Objects with a tree in the making.
     rebuilding: BTreeSet<ObjectId>,
@@ -111,7 +111,7 @@ impl Compiled {
             users: BTreeMap::new(),
             shading: ShadingScene::default(),
             lit_bounds: None,
-            diffuse: None,
+            overridden: None,
             pace: worn::Pace::new(options.rebuild_budget.as_secs_f64() * 1e3),
             rebuilding: BTreeSet::new(),
             background: None,
@@ -123,9 +123,9 @@ impl Compiled {
     }
 
     /// The shader tables for an override; [`Self::prepare_override`] must have made them.
-    pub(crate) fn shading(&self, materials: MaterialOverride) -> &ShadingScene {
-        match (materials, &self.diffuse) {
-            (MaterialOverride::Diffuse, Some(diffuse)) => diffuse,
+    pub(crate) fn shading(&self, materials: &MaterialOverride) -> &ShadingScene {
+        match &self.overridden {
+            Some((made_for, tables)) if made_for == materials => tables,
             _ => &self.shading,
         }
     }

@@ -38,7 +38,7 @@ impl Compiled {
         touched: &Touched,
         report: &mut ApplyReport,
     ) {
-        self.diffuse = None;
+        self.overridden = None;
         let same_materials = scene.materials().keys().eq(&self.materials);
         let relight = if touched.structure || !same_materials {
             self.materials = scene.materials().keys().copied().collect();
@@ -57,15 +57,15 @@ impl Compiled {
         self.interfaces.retain(|_, tables| Arc::strong_count(tables) > 1);
     }
 
-    /// The tables for materials that replace those of the scene; made when first asked for.
-    pub(crate) fn prepare_override(&mut self, scene: &Scene, materials: MaterialOverride) {
-        if self.diffuse.is_none() {
+    /// The tables for materials that replace those of the scene; made anew when another override is asked for.
+    pub(crate) fn prepare_override(&mut self, scene: &Scene, materials: &MaterialOverride) {
+        if self.overridden.as_ref().is_none_or(|(made_for, _)| made_for != materials) {
             let compiled = self.compile_materials(scene, materials);
             let parts = self.shading.parts().to_vec();
             let mut tables = ShadingScene::new(compiled, parts, self.shading.placements().clone());
             tables.set_lane_mode(self.lanes);
             tables.relight(scene.lights().values(), self.environment.clone(), self.bounds());
-            self.diffuse = Some(tables);
+            self.overridden = Some((materials.clone(), tables));
         }
     }
 
@@ -74,7 +74,7 @@ impl Compiled {
         (!bounds.is_empty()).then_some(SceneBounds { min: bounds.min, max: bounds.max })
     }
 
-    fn compile_materials(&mut self, scene: &Scene, materials: MaterialOverride) -> Vec<SurfaceMaterial> {
+    fn compile_materials(&mut self, scene: &Scene, materials: &MaterialOverride) -> Vec<SurfaceMaterial> {
         let compile = |(&id, material)| {
             let material = SurfaceMaterial::overridden(material, materials);
             SurfaceMaterial::new(id, &material, &self.textures, &mut self.interfaces, &self.shaders)
@@ -84,7 +84,7 @@ impl Compiled {
 
     /// All tables anew, without lights.
     fn tables(&mut self, scene: &Scene) -> ShadingScene {
-        let compiled = self.compile_materials(scene, MaterialOverride::None);
+        let compiled = self.compile_materials(scene, &MaterialOverride::None);
         let slots: BTreeMap<MaterialId, u32> = self.materials.iter().copied().zip(0..).collect();
         let parts = |object| shaded_parts(scene, object, |id| slots[&id]);
         // The world itself, which has no parts of its own, comes first.

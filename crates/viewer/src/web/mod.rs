@@ -4,10 +4,14 @@
 //! address. Nothing that a browser sends names a file of the server, loads a plug-in, or takes more than the limits in
 //! [`ServeOptions`] allow.
 
+mod accept;
 mod access;
 mod connection;
 mod encode;
 mod protocol;
+#[cfg(test)]
+mod tests;
+mod upload;
 mod viewers;
 
 use std::net::SocketAddr;
@@ -17,17 +21,17 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Query, State, WebSocketUpgrade};
+use axum::extract::{Query, State, WebSocketUpgrade};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use tokio::sync::{oneshot, watch};
+use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::document::Refusal;
 use crate::host::{Host, Source};
 use crate::input::{Button, Input, Phase};
 use crate::session::{Session, SessionOptions, locked};
+pub use accept::Limits;
 use access::Access;
 use encode::Encoder;
 use viewers::Viewers;
@@ -46,6 +50,8 @@ pub struct ServeOptions {
     pub upload_bytes: usize,
     /// Most browsers at once.
     pub viewers: usize,
+    /// What their connections may take.
+    pub limits: Limits,
 }
 
 impl Default for ServeOptions {
@@ -56,6 +62,7 @@ impl Default for ServeOptions {
             session: SessionOptions::default(),
             upload_bytes: 256 << 20,
             viewers: 8,
+            limits: Limits::default(),
         }
     }
 }
@@ -71,6 +78,9 @@ struct App {
     news: Arc<watch::Sender<u64>>,
     /// The last input's number, whoever made it.
     inputs: AtomicU64,
+    /// Largest file, bytes, and who may send one now: each is whole in memory.
+    upload_bytes: usize,
+    uploading: Semaphore,
 }
 
 impl App {
@@ -137,15 +147,16 @@ impl Server {
             encoder: Encoder::default(),
             news,
             inputs: AtomicU64::new(0),
+            upload_bytes: options.upload_bytes,
+            uploading: Semaphore::new(1),
         });
         let (stop, stopped) = oneshot::channel();
-        let router = router(app, options.upload_bytes);
+        let (router, limits) = (router(app), options.limits);
         let thread = std::thread::Builder::new().name("heliostat-serve".into()).spawn(move || {
             runtime.block_on(async {
-                let server = axum::serve(listener, router);
                 tokio::select! {
                     // It ends on its own only if it cannot listen any more.
-                    _ = async { server.await } => {}
+                    () = accept::serve(listener, router, limits) => {}
                     _ = stopped => {}
                 }
             });
@@ -183,19 +194,22 @@ impl Drop for Server {
     }
 }
 
-fn router(app: Arc<App>, upload_bytes: usize) -> Router {
+fn router(app: Arc<App>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/style.css", get(|| asset("text/css", include_str!("page/style.css"))))
         .route("/main.js", get(|| asset("text/javascript", include_str!("page/main.js"))))
         .route("/input.js", get(|| asset("text/javascript", include_str!("page/input.js"))))
         .route("/panels.js", get(|| asset("text/javascript", include_str!("page/panels.js"))))
+        .route("/fields.js", get(|| asset("text/javascript", include_str!("page/fields.js"))))
+        .route("/looks.js", get(|| asset("text/javascript", include_str!("page/looks.js"))))
+        .route("/upload.js", get(|| asset("text/javascript", include_str!("page/upload.js"))))
         .route("/overlay.js", get(|| asset("text/javascript", include_str!("page/overlay.js"))))
         .route("/socket", get(socket))
         .route("/picture.png", get(picture_png))
         .route("/picture.exr", get(picture_exr))
         .route("/replay.json", get(replay))
-        .route("/upload", post(upload).layer(DefaultBodyLimit::max(upload_bytes)))
+        .route("/upload", post(upload::upload))
         .with_state(app)
 }
 
@@ -207,6 +221,9 @@ struct Parameters {
     /// The name of an uploaded file.
     #[serde(default)]
     name: String,
+    /// Whether more comes with it.
+    #[serde(default)]
+    several: bool,
     /// The key of the viewer who uploads.
     #[serde(default)]
     key: String,
@@ -303,26 +320,6 @@ async fn replay(State(app): State<Arc<App>>, query: Query<Parameters>, headers: 
         Ok(Some(replay)) => answer("application/json", replay.to_json()),
         _ => refuse(StatusCode::NOT_FOUND, "there is no scene yet"),
     }
-}
-
-/// A file from a browser becomes the scene.
-async fn upload(
-    State(app): State<Arc<App>>,
-    query: Query<Parameters>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Response {
-    if let Err(reason) = app.access.check(&headers, &query.token) {
-        return refuse(StatusCode::FORBIDDEN, reason);
-    }
-    if !locked(&app.viewers).holds(&query.key) {
-        return refuse(StatusCode::FORBIDDEN, "only the viewer who holds the controls can open a scene");
-    }
-    // A name tells the format and is shown; it never becomes a path.
-    let name: String = query.name.rsplit(['/', '\\']).next().unwrap_or("").chars().take(200).collect();
-    let name = if name.is_empty() { "upload".into() } else { name };
-    app.session.open(Source::Upload { name, bytes: Arc::from(&body[..]) });
-    refuse(StatusCode::ACCEPTED, "opening")
 }
 
 impl App {

@@ -2,6 +2,7 @@
 
 mod keys;
 mod paint;
+mod panel;
 
 use std::collections::BTreeSet;
 use std::num::NonZeroU32;
@@ -89,6 +90,8 @@ pub fn show_window(
         pressed: None,
         seeking: false,
         camera: 0,
+        row: None,
+        gesture: 0,
         figures: true,
         help: false,
         since: Instant::now(),
@@ -124,6 +127,10 @@ struct Face<'a> {
     pressed: Option<Button>,
     seeking: bool,
     camera: u32,
+    /// Which line of the panel is chosen.
+    row: Option<usize>,
+    /// What is changed by one key, however long it is held, is undone together.
+    gesture: u64,
     figures: bool,
     help: bool,
     since: Instant,
@@ -245,15 +252,64 @@ impl Face<'_> {
             KeyCode::KeyI if !control => self.save("exr"),
             KeyCode::KeyK if !control => self.save("json"),
             KeyCode::F11 => self.full_screen(),
+            KeyCode::Tab => self.choose_row(),
+            KeyCode::BracketLeft | KeyCode::BracketRight if self.row.is_some() => {
+                self.change_row(code == KeyCode::BracketRight, event.repeat);
+            }
+            KeyCode::ArrowLeft => self.turn([-1.0, 0.0]),
+            KeyCode::ArrowRight => self.turn([1.0, 0.0]),
+            KeyCode::ArrowUp => self.turn([0.0, -1.0]),
+            KeyCode::ArrowDown => self.turn([0.0, 1.0]),
             _ => {
-                let ev = self.news.picture.as_ref().map_or(0.0, |picture| picture.exposure);
+                let (ev, time) =
+                    self.news.picture.as_ref().map_or((0.0, 0.0), |picture| (picture.exposure, picture.time));
+                let held = keys::Held { control, shift: self.modifiers.shift_key(), ev, time };
                 let state = self.news.state.clone();
-                if let Some(input) = keys::input(code, control, &state, &mut self.camera, ev) {
+                if let Some(input) = keys::input(code, held, &state, &mut self.camera) {
+                    if code == KeyCode::Escape {
+                        self.row = None;
+                    }
                     self.send(input);
                 }
             }
         }
         self.redraw();
+    }
+
+    /// The panel's lines as they are now.
+    fn rows(&self) -> Vec<panel::Row> {
+        let size = if self.modifiers.shift_key() { 4.0 } else { 1.0 };
+        self.news.state.scene.as_ref().map_or(Vec::new(), |scene| panel::rows(scene, size, self.gesture))
+    }
+
+    fn choose_row(&mut self) {
+        let (count, back) = (self.rows().len(), self.modifiers.shift_key());
+        let next = match self.row {
+            None if back => count.checked_sub(1),
+            None => Some(0),
+            Some(row) if back => row.checked_sub(1),
+            Some(row) => Some(row + 1),
+        };
+        self.row = next.filter(|&row| row < count);
+    }
+
+    fn change_row(&mut self, more: bool, repeats: bool) {
+        self.gesture += u64::from(!repeats);
+        let row = self.row.and_then(|row| self.rows().into_iter().nth(row));
+        if let Some(row) = row {
+            let [less, greater] = row.steps;
+            self.send(if more { greater } else { less });
+        }
+    }
+
+    /// Turns the view as a drag would.
+    fn turn(&mut self, [x, y]: [f32; 2]) {
+        let button = if self.modifiers.shift_key() { Button::Pan } else { Button::Turn };
+        // From outside the picture, where there is no handle to take hold of.
+        let (from, to) = ([-1.0; 2], [-1.0 + 0.03 * x, -1.0 + 0.03 * y]);
+        for (phase, at) in [(Phase::Down, from), (Phase::Move, to), (Phase::Up, to)] {
+            self.send(Input::Pointer { phase, at, button });
+        }
     }
 
     fn drive(&mut self) {
@@ -346,6 +402,7 @@ impl Face<'_> {
         if self.figures {
             canvas.text([margin, margin], scale, 0xFF_FFFF, &self.figures());
         }
+        self.paint_panel(canvas, scale);
         if let Some(length) = self.clip() {
             let time = self.news.picture.as_ref().map_or(0.0, |picture| picture.time);
             let bar = (BAR * scale as f64) as usize;
@@ -362,9 +419,28 @@ impl Face<'_> {
         } else if let Some((text, _)) = &self.message {
             canvas.text([margin, bottom(1)], scale, 0xFF_E0A0, std::slice::from_ref(text));
         } else if self.since.elapsed() < HINT {
-            let hint = "drag to look around, click a thing to change it, ? for help".to_owned();
+            let hint = "drag to look around, click a thing, drop a file, ? for help".to_owned();
             canvas.text([margin, bottom(1)], scale, 0xFF_FFFF, &[hint]);
         }
+    }
+
+    /// At the right: the properties of what is selected, or, while one is chosen, of the view.
+    fn paint_panel(&self, canvas: &mut Canvas<'_>, scale: usize) {
+        let selected = self.news.state.scene.as_ref().is_some_and(|scene| scene.selection.is_some());
+        if self.help || !(self.row.is_some() || self.figures && selected) {
+            return;
+        }
+        let line = |(index, row): (usize, panel::Row)| {
+            let mark = if self.row == Some(index) { '>' } else { ' ' };
+            format!("{mark} {:<17} {:>15}", row.name, row.value)
+        };
+        let mut lines: Vec<String> = self.rows().into_iter().enumerate().map(line).collect();
+        lines.push(if self.row.is_some() { "  [ ] changes it" } else { "  Tab chooses a property" }.into());
+        let columns = lines.iter().map(String::len).max().unwrap_or(0);
+        let [width, _] = text_size(columns, lines.len(), scale);
+        let margin = (8 * scale) as isize;
+        let left = (canvas.width as isize - width as isize - margin).max(margin);
+        canvas.text([left, margin], scale, 0xFF_FFFF, &lines);
     }
 
     /// The lines of the overlay.
@@ -374,6 +450,9 @@ impl Face<'_> {
         if let Some(loading) = &state.loading {
             let share = (100 * loading.done).checked_div(loading.total).unwrap_or(0);
             lines.push(format!("opening {} ... {share} %, {:.1} s", loading.title, loading.seconds));
+        }
+        if self.news.picture.is_none() && state.loading.is_none() && state.scene.is_some() {
+            lines.push("making the first picture ...".into());
         }
         if let Some(picture) = &self.news.picture {
             let stats = &picture.stats;
@@ -394,9 +473,19 @@ impl Face<'_> {
             );
         }
         if let Some(scene) = &state.scene {
-            let shown = scene.plane.as_ref().unwrap_or(&scene.renderer);
+            let surfaces = scene.surfaces.as_ref().map(|effect| &effect.name);
+            let shown = scene.plane.as_ref().or(surfaces).unwrap_or(&scene.renderer);
             let mode = format!("{:?}", scene.mode).to_lowercase();
             lines.push(format!("{shown}, {mode}{}", if scene.playing { ", playing" } else { "" }));
+            let effects = scene.effects.iter().chain(&scene.tone).map(|effect| effect.name.as_str());
+            let effects: Vec<&str> = effects.collect();
+            if !effects.is_empty() {
+                lines.push(effects.join(", "));
+            }
+            if let Some(seconds) = scene.recorded {
+                let what = if scene.recording { "recording" } else { "recorded" };
+                lines.push(format!("{what} {seconds:.1} s"));
+            }
             match &scene.selection {
                 Some(crate::Selected::Instance { name, .. }) => lines.push(format!("selected: {name}")),
                 Some(crate::Selected::Light { light }) => {

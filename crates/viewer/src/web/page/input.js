@@ -1,4 +1,6 @@
 // Mouse, touch, keys and dropped files become inputs.
+import { dropped, open } from './upload.js';
+
 const $ = id => document.getElementById(id);
 
 export function watchInput(app, canvas) {
@@ -114,25 +116,12 @@ function nextCamera(app) {
   if (count) app.send({ do: 'camera', index: camera = (camera + 1) % count });
 }
 
-/** Opens a file of the user's: it goes to the server's memory, under its name alone. */
-export async function open(app, file) {
-  app.say(`sending ${file.name} (${(file.size / 1048576).toFixed(1)} MiB) …`);
-  try {
-    const answer = await fetch(app.address('/upload', { name: file.name, key: app.key }), { method: 'POST', body: file });
-    if (!answer.ok) app.say(`${file.name}: ${answer.status === 413 ? 'too large' : await answer.text()}`, true);
-  } catch (error) {
-    app.say(`${file.name} could not be sent: ${error.message}`, true);
-  }
-}
-
 function files(app, stage) {
   stage.addEventListener('dragover', event => { event.preventDefault(); stage.classList.add('dropping'); });
   stage.addEventListener('dragleave', () => stage.classList.remove('dropping'));
-  stage.addEventListener('drop', event => {
+  stage.addEventListener('drop', async event => {
     event.preventDefault();
     stage.classList.remove('dropping');
-    const files = [...event.dataTransfer.files];
-    if (files.length > 1) app.say('one file at a time: a scene of several files opens with `heliostat serve FILE`', true);
-    else if (files[0]) open(app, files[0]);
+    open(app, await dropped(event.dataTransfer));
   });
 }

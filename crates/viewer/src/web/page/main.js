@@ -90,7 +90,10 @@ function takeOver() {
 }
 
 function loading(progress) {
-  $('loading').hidden = !progress;
+  // Between the scene and its first picture there is nothing to count.
+  const first = !progress && app.state.scene && !app.header;
+  $('loading').hidden = !(progress || first);
+  if (first) { $('loading-text').textContent = 'making the first picture …'; $('loading-bar').removeAttribute('value'); }
   if (!progress) return;
   $('loading-text').textContent = `opening ${progress.title} … ${progress.seconds.toFixed(1)} s`;
   const bar = $('loading-bar');
@@ -104,8 +107,11 @@ async function show(buffer) {
   app.tell({ shown: header.number });
   // Decoding takes a while: a later picture may have come in between.
   if (app.header && header.number < app.header.number && app.header.number - header.number < 1000) return bitmap.close();
-  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  app.box = fitting(header);
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(bitmap, ...app.box);
   bitmap.close();
+  if (!app.header && !app.state?.loading) $('loading').hidden = true;
   app.header = header;
   app.pictures += 1;
   const at = sent.get(header.input);
@@ -116,6 +122,14 @@ async function show(buffer) {
   overlay.update(header);
   panels.moment(header.time);
   remember(header.view);
+}
+
+/** Where a picture lies on the canvas: all over it, or, if it was made for another window, as large as its shape allows. */
+function fitting({ width, height }) {
+  const scale = Math.min(canvas.width / width, canvas.height / height), [w, h] = [width * scale, height * scale];
+  // Small pictures are of the right shape only up to a pixel.
+  const fits = w > 0.95 * canvas.width && h > 0.95 * canvas.height;
+  return fits ? [0, 0, canvas.width, canvas.height] : [(canvas.width - w) / 2, (canvas.height - h) / 2, w, h];
 }
 
 let remembered = 0;
@@ -137,10 +151,12 @@ function resize() {
     if (old) context.drawImage(old, 0, 0, width, height);
   }
   overlay.resize(width, height);
-  app.send({ do: 'size', width, height });
+  // Whoever watches sees the picture of the one who holds the controls.
+  if (app.company?.holder === app.company?.you) app.send({ do: 'size', width, height });
 }
 
 new ResizeObserver(resize).observe(canvas.parentElement);
 watchInput(app, canvas);
 connect();
+if (matchMedia('(pointer: coarse)').matches) $('hint').textContent = 'one finger turns, two shift and zoom · tap a thing to change it';
 setTimeout(() => { $('hint').hidden = false; setTimeout(() => $('hint').remove(), 12000); }, 800);

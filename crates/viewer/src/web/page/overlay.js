@@ -44,8 +44,10 @@ export class Overlay {
   }
 
   draw(lines) {
-    const { lines: c } = this, { width, height } = c.canvas;
-    c.clearRect(0, 0, width, height);
+    const { lines: c } = this, [left, top, width, height] = this.app.box ?? [0, 0, c.canvas.width, c.canvas.height];
+    c.resetTransform();
+    c.clearRect(0, 0, c.canvas.width, c.canvas.height);
+    c.translate(left, top);
     for (const { kind, points } of lines) {
       c.beginPath();
       points.forEach(([x, y], i) => i ? c.lineTo(x * width, y * height) : c.moveTo(x * width, y * height));

@@ -1,12 +1,9 @@
 // Panels: show the state, and turn what is done in them into inputs.
-import { open } from './input.js';
+import { options, toHex, toLinear } from './fields.js';
+import { Looks } from './looks.js';
+import { chosen, open } from './upload.js';
 
 const $ = id => document.getElementById(id);
-const linear = v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-const curved = v => v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055;
-/** A colour field's value as linear RGB, and back. */
-const toLinear = hex => [1, 3, 5].map(i => linear(parseInt(hex.slice(i, i + 2), 16) / 255));
-const toHex = rgb => '#' + rgb.map(v => Math.round(255 * curved(Math.max(0, Math.min(1, v)))).toString(16).padStart(2, '0')).join('');
 /** Light as a colour whose largest part is one, and a power of two. */
 const split = rgb => { const most = Math.max(...rgb); return most > 0 ? { hex: toHex(rgb.map(v => v / most)), power: Math.log2(most) } : { hex: '#ffffff', power: -99 }; };
 const join = (hex, power) => { const rgb = toLinear(hex), most = Math.max(...rgb, 1e-6); return rgb.map(v => v / most * 2 ** power); };
@@ -75,17 +72,19 @@ export class Panels {
 
     this.field('renderer', e => send({ do: 'renderer', name: e.value }));
     this.field('plane', e => send({ do: 'show', plane: e.value || null }));
-    this.field('diffuse', e => send({ do: 'diffuse', on: e.checked }));
+    this.looks = new Looks(app);
     this.field('auto', e => send({ do: 'exposure', stops: e.checked ? null : app.header?.exposure ?? 0 }));
     this.field('exposure', e => send({ do: 'exposure', stops: +e.value }));
     this.field('goal', e => send({ do: 'goal', frames_per_second: e.value ? +e.value : null }));
 
     const name = () => (this.app.state?.title || 'heliostat').replace(/\.[^.]*$/, '').replace(/[^\w-]+/g, '-');
     this.button('save-png', () => this.save('/picture.png', `${name()}.png`));
+    this.button('save', () => $('save-png').click());
     this.button('save-exr', () => this.save('/picture.exr', `${name()}.exr`));
     this.button('save-replay', () => this.save('/replay.json', `${name()}.replay.json`));
     this.button('record', () => send({ do: 'record', on: !this.scene?.recording }));
-    $('file').addEventListener('change', () => { if ($('file').files[0]) open(app, $('file').files[0]); $('file').value = ''; });
+    this.button('forget', () => send({ do: 'forget' }));
+    $('file').addEventListener('change', () => { open(app, chosen($('file'))); $('file').value = ''; });
   }
 
   async save(path, name) {
@@ -191,10 +190,12 @@ export class Panels {
     $('e-sun').hidden = around.type !== 'sky';
     options('renderer', s.renderers.map(name => [name, name]), s.renderer);
     options('plane', [['', 'the picture'], ...s.planes.map(name => [name, name])], s.plane ?? '');
-    check('diffuse', s.diffuse); check('auto', s.exposure === null);
+    this.looks.update(); check('auto', s.exposure === null);
     put('exposure', s.exposure ?? (this.app.header?.exposure ?? 0).toFixed(1));
     put('goal', s.goal ?? '');
-    $('record').textContent = s.recording ? 'End recording' : 'Record path';
+    $('record').textContent = s.recording ? 'End recording' : s.recorded === null ? 'Record path' : 'Record anew';
+    $('forget').hidden = s.recorded === null;
+    $('recorded').textContent = s.recorded === null ? '“Save replay” saves the view as it is, with all changes.' : s.recording ? 'Recording the path and all changes …' : `“Save replay” saves the recording of ${s.recorded.toFixed(1)} s.`;
     $('record').setAttribute('aria-pressed', String(s.recording));
   }
 
@@ -217,14 +218,4 @@ export class Panels {
     }));
     if (holder === you && asking.length) this.app.say(`viewer ${asking[0]} asks for the controls (see Viewers)`);
   }
-}
-
-/** Fills a list of choices, only when they have changed. */
-function options(id, list, value) {
-  const element = $(id), mark = JSON.stringify(list);
-  if (element.dataset.mark !== mark) {
-    element.dataset.mark = mark;
-    element.replaceChildren(...list.map(([value, text]) => new Option(text, value)));
-  }
-  if (element.value !== String(value)) element.value = String(value);
 }
