@@ -19,7 +19,7 @@ use crate::film::Film;
 use crate::igi;
 use crate::meter::Metered;
 use crate::post;
-use crate::queue::work_through;
+use crate::queue::{STACK_BYTES, work_through};
 
 /// Most pixels of one picture.
 const MAX_PIXELS: u64 = 1 << 27;
@@ -68,7 +68,6 @@ pub struct Engine {
     options: EngineOptions,
     shaders: Arc<ShaderRegistry>,
     pixel_shaders: PixelRegistry,
-    threads: NonZeroUsize,
     pool: rayon::ThreadPool,
     /// What the frame before has seen, if frames are to go on from each other.
     history: Option<History>,
@@ -76,7 +75,7 @@ pub struct Engine {
 
 impl std::fmt::Debug for Engine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Engine").field("threads", &self.threads).finish_non_exhaustive()
+        f.debug_struct("Engine").field("threads", &self.pool.current_num_threads()).finish_non_exhaustive()
     }
 }
 
@@ -101,7 +100,8 @@ impl Engine {
         let threads = options.threads.unwrap_or_else(cores);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.get())
-            .thread_name(|i| format!("heliostat-build-{i}"))
+            .thread_name(|i| format!("heliostat-{i}"))
+            .stack_size(STACK_BYTES)
             .build()
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
         let compiled = Compiled::new(&options, shaders.clone());
@@ -112,7 +112,6 @@ impl Engine {
             options,
             shaders,
             pixel_shaders,
-            threads,
             pool,
             history: None,
         })
@@ -176,7 +175,7 @@ impl Engine {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
             Renderer::Igi => {
-                igi::render(self.threads, &view, &settings, (&request.igi, film, progress), history)?
+                igi::render(&self.pool, &view, &settings, (&request.igi, film, progress), history)?
             }
             Renderer::InstantRadiosity => {
                 let alone = IgiOptions {
@@ -186,7 +185,7 @@ impl Engine {
                     accumulate: false,
                     ..request.igi
                 };
-                igi::render(self.threads, &view, &settings, (&alone, film, progress), &mut None)?
+                igi::render(&self.pool, &view, &settings, (&alone, film, progress), &mut None)?
             }
         };
         if progress.is_cancelled() {
@@ -208,7 +207,7 @@ impl Engine {
         progress.start(regions.len() as u64 * u64::from(settings.samples));
         let rays = AtomicU64::new(0);
         let after_sample = || advance(progress);
-        work_through(self.threads, regions.len(), &|| progress.is_cancelled(), &|index| {
+        work_through(&self.pool, regions.len(), &|| progress.is_cancelled(), &|index| {
             let region = &regions[index];
             let mut sums = vec![PixelSum::default(); region.area()];
             let traced = integrator.render(view, settings, region, &mut sums, &after_sample);

@@ -1,6 +1,5 @@
 //! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row.
 
-use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
@@ -15,7 +14,7 @@ use crate::queue::work_through;
 /// Renders all passes into a film and returns the number of rays. If frames go on from each other, `history` is what the
 /// frame before has left, and afterwards what this one leaves.
 pub(crate) fn render(
-    threads: NonZeroUsize,
+    pool: &rayon::ThreadPool,
     view: &View<'_, Metered<'_>>,
     settings: &Settings,
     (options, film, progress): (&IgiOptions, &Film, &Progress),
@@ -38,7 +37,7 @@ pub(crate) fn render(
     for pass in 0..settings.samples {
         rays.fetch_add(frame.start(pass), Ordering::Relaxed);
         let shared = Mutex::new(&mut picture);
-        work_through(threads, regions.len(), &stop, &|index| {
+        work_through(pool, regions.len(), &stop, &|index| {
             let region = &regions[index];
             let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
             rays.fetch_add(traced, Ordering::Relaxed);
@@ -48,7 +47,7 @@ pub(crate) fn render(
             }
             progress.advance(1);
         })?;
-        work_through(threads, rows.len(), &stop, &|y| {
+        work_through(pool, rows.len(), &stop, &|y| {
             let (light, memory): (Vec<Vec3>, Vec<Remembered>) =
                 frame.row(&picture, size, y as u32, before).into_iter().unzip();
             locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);

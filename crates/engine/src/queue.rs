@@ -1,19 +1,20 @@
 //! Threads that draw jobs from one queue.
 
-use std::num::NonZeroUsize;
+use std::panic::AssertUnwindSafe;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use heliostat_scene::BackendError;
 
 /// Stack of a rendering thread: instances may nest 64 deep, and each level keeps a tile's worth of rays.
-const STACK_BYTES: usize = 16 << 20;
+pub(crate) const STACK_BYTES: usize = 16 << 20;
 
-/// Does jobs 0 to `jobs` on so many threads, in order of their start, until all are done or `stop` says so.
+/// Does jobs 0 to `jobs` on the threads of a pool, in order of their start, until all are done or `stop` says so. The threads
+/// stay: allocators keep memory for each, and new ones for every picture would make it more and more.
 ///
 /// # Errors
-/// [`BackendError::Failed`] if a thread cannot be started or panics.
+/// [`BackendError::Failed`] if a job panics.
 pub(crate) fn work_through(
-    threads: NonZeroUsize,
+    pool: &rayon::ThreadPool,
     jobs: usize,
     stop: &(dyn Fn() -> bool + Sync),
     job: &(dyn Fn(usize) + Sync),
@@ -28,29 +29,15 @@ pub(crate) fn work_through(
             job(index);
         }
     };
-    std::thread::scope(|scope| {
-        let start = |i: usize| {
-            let builder = std::thread::Builder::new().name(format!("heliostat-render-{i}"));
-            builder.stack_size(STACK_BYTES).spawn_scoped(scope, work)
-        };
-        let mut result = Ok(());
-        let mut workers = Vec::new();
-        for i in 0..threads.get().min(jobs) {
-            match start(i) {
-                Ok(worker) => workers.push(worker),
-                Err(error) => {
-                    // Nobody waits for this picture any more: empty the queue.
-                    next.store(jobs, Ordering::Relaxed);
-                    result = Err(BackendError::Failed(format!("cannot start a rendering thread: {error}")));
-                    break;
-                }
+    let threads = pool.current_num_threads().min(jobs);
+    let scope = || {
+        pool.scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(|_| work());
             }
-        }
-        for worker in workers {
-            if worker.join().is_err() {
-                result = Err(BackendError::Failed("a rendering thread panicked; please report this".into()));
-            }
-        }
-        result
-    })
+        });
+    };
+    // Whatever a job that panicked was making is given up with the picture.
+    std::panic::catch_unwind(AssertUnwindSafe(scope))
+        .map_err(|_| BackendError::Failed("a rendering thread panicked; please report this".into()))
 }

@@ -355,6 +355,9 @@ impl Worker {
         if !still {
             request.igi.paths = self.governor.paths(stage.goal, request.igi.paths);
         }
+        // What has moved goes on from the picture before; the first better one does, too, so that nothing jumps.
+        request.igi.accumulate = number == 0;
+        request.igi.first_pass = number;
         let progress = Arc::new(Progress::new());
         // Whatever input stops a better picture makes a moving one, which nothing stops: there is always something to see.
         self.shared.give_way(still.then(|| progress.clone()));

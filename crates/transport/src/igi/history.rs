@@ -55,7 +55,7 @@ pub struct History {
     camera: CameraRays,
     size: (u32, u32),
     pixels: Vec<Remembered>,
-    /// Pictures so far.
+    /// Pictures since the last edit.
     frames: u32,
 }
 
@@ -70,7 +70,8 @@ impl History {
         *self = Self { camera, size, pixels, frames: self.frames.wrapping_add(1) };
     }
 
-    /// Pictures so far.
+    /// Pictures since the last edit. Each takes light paths of its own; while edits go on, all take the same, or the little
+    /// that is remembered would let them flicker.
     pub fn frames(&self) -> u32 {
         self.frames
     }
@@ -78,6 +79,7 @@ impl History {
     /// After an edit: all of the past counts as one frame at most.
     pub fn distrust(&mut self) {
         self.pixels.iter_mut().for_each(|pixel| pixel.frames = pixel.frames.min(1.0));
+        self.frames = 0;
     }
 
     /// The mean of what a pixel receives and what its point has received before.

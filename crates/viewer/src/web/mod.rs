@@ -124,6 +124,8 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
             .max_blocking_threads(4)
+            // They stay: allocators keep memory for each, and ever new ones would make it more and more.
+            .thread_keep_alive(Duration::from_secs(24 * 3600))
             .thread_name("heliostat-web")
             .enable_all()
             .build()
