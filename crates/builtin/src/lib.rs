@@ -1,6 +1,6 @@
 //! The built-in procedural scenes: a name in, edits out.
 //!
-//! Everything is made by formula, deterministically, in well under a second; no file is read. Units are metres,
+//! Everything is made by formula, deterministically, most in well under a second, the largest in a few; no file is read. Units are metres,
 //! +Y is up. Area lights face the room.
 //!
 //! ```
@@ -16,13 +16,18 @@
 use heliostat_scene::{Edit, Timeline};
 
 mod atrium;
+mod building;
 mod car;
 mod conference;
 mod cornell;
+mod ellipse;
+mod erw;
+mod interior;
 mod office;
 mod paint;
 mod pattern;
 mod plant;
+mod powerplant;
 mod random;
 mod shape;
 mod sky;
@@ -48,12 +53,24 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
             "carpaint",
             "a car in a studio: flakes and flip-flop colour under a clear coat; a second one in petrol",
         ),
+        (
+            "building",
+            "seven storeys of furnished rooms around a hall: 2.5 million triangles, more than 20,000 lamps",
+        ),
         ("conference", "a furnished conference room of about 280,000 triangles under eight ceiling lamps"),
         ("conference-1", "the conference room lit by one rectangular lamp"),
+        ("conference-220", "the conference room under 220 small lamps, each a light of its own"),
         ("cornell", "the Cornell box by its measured dimensions; its blocks can turn"),
+        ("ellipse", "an elliptic hall with an ambulatory under 1,164 lamps"),
+        ("erw6", "a small office by night under six ceiling lamps, of fewer than 1,000 triangles"),
+        ("erw10", "ten offices along a corridor under a hundred lamps, some behind closed doors"),
         (
             "office",
             "a wooden desk on marble before a brick wall, all of procedural shaders, with a wavy mirror",
+        ),
+        (
+            "powerplant",
+            "a boiler house of 12.5 million triangles: steelwork, gratings, stairs, pipes, turbines",
         ),
         (
             "sunflowers",
@@ -70,10 +87,16 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
         "atrium" => atrium::build(),
         "atrium-evening" => atrium::build_evening(),
         "carpaint" => car::build(),
+        "building" => building::build(),
         "conference" => conference::build(conference::Lighting::Ceiling),
+        "conference-220" => conference::build(conference::Lighting::ManyLamps),
         "conference-1" => conference::build(conference::Lighting::OneLamp),
         "cornell" => cornell::build(),
+        "ellipse" => ellipse::build(),
+        "erw6" => erw::build_room(),
+        "erw10" => erw::build_ten(),
         "office" => office::build(),
+        "powerplant" => powerplant::build(),
         "spheres" => spheres::build(),
         "sunflowers" => sunflowers::build(),
         _ => return None,

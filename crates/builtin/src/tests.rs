@@ -47,6 +47,44 @@ fn sizes_are_as_advertised() {
     }
 }
 
+/// Lights that a user would count: those without area, and every placed part that emits.
+fn lamps(scene: &Scene) -> usize {
+    let mut count = scene.lights().len();
+    placed(scene, |_, _, emits| count += usize::from(emits));
+    count
+}
+
+/// Triangles as they are stored, each mesh once.
+fn unique(scene: &Scene) -> usize {
+    scene.geometries().values().filter_map(|g| g.as_mesh()).map(|mesh| mesh.indices.len()).sum()
+}
+
+#[test]
+fn scenes_of_many_lights_have_as_many_as_they_say() {
+    for (name, sizes, lights) in [
+        ("erw6", 800..1_000, 6..7),
+        ("erw10", 20_000..60_000, 100..101),
+        ("conference-220", 270_000..310_000, 220..221),
+        ("ellipse", 40_000..200_000, 1_164..1_165),
+        ("building", 2_300_000..2_700_000, 20_000..24_000),
+    ] {
+        let start = std::time::Instant::now();
+        let scene = scene(name);
+        eprintln!("{name}: {} triangles, {} unique, {} lamps, {} instances, {:?}", triangles(&scene), unique(&scene), lamps(&scene), scene.instances().len(), start.elapsed());
+        let (size, count) = (triangles(&scene), lamps(&scene));
+        assert!(sizes.contains(&size), "{name} has {size} triangles");
+        assert!(lights.contains(&count), "{name} has {count} lamps");
+    }
+}
+
+#[test]
+fn the_power_plant_is_large() {
+    let start = std::time::Instant::now();
+    let scene = scene("powerplant");
+    eprintln!("{} triangles, {} unique, {} instances, {:?}", triangles(&scene), unique(&scene), scene.instances().len(), start.elapsed());
+    assert!((12_300_000..12_700_000).contains(&triangles(&scene)), "{}", triangles(&scene));
+}
+
 #[test]
 fn sunflowers_are_a_billion_triangles_of_which_few_are_unique() {
     let scene = scene("sunflowers");

@@ -27,6 +27,8 @@ pub(crate) enum Lighting {
     Ceiling,
     /// One rectangle over the table and nothing else; the windows are dark.
     OneLamp,
+    /// 220 small round lamps, each a light of its own.
+    ManyLamps,
 }
 
 /// What things are made of.

@@ -9,7 +9,7 @@ use super::{HALF, HEIGHT, Lighting, Palette, fixed, object};
 use crate::pattern::{self, segment_distance, smooth};
 use crate::random::{fbm, hash};
 use crate::shape::{Shape, place};
-use crate::solid::{cylinder, lathe, loft, rectangle, torus, tube};
+use crate::solid::{cap, circle, cylinder, lathe, loft, rectangle, torus, tube};
 use crate::{paint, random::Rng};
 
 /// Where things on the sideboard stand.
@@ -88,11 +88,12 @@ fn window_center(i: usize) -> f32 {
     (i as f32 - 0.5 * (WINDOWS - 1) as f32) * WINDOW_PITCH
 }
 
-/// Eight framed panels, or one rectangle over the table.
+/// Eight framed panels, or one rectangle over the table, or many small lamps.
 fn lamps(builder: &mut SceneBuilder, palette: &Palette, lighting: Lighting) {
     let (size, radiance) = match lighting {
         Lighting::Ceiling => (Vec2::new(1.20, 0.60), Vec3::new(8.6, 8.0, 7.0)),
         Lighting::OneLamp => (Vec2::new(3.60, 1.00), Vec3::new(14.0, 13.0, 11.4)),
+        Lighting::ManyLamps => return downlights(builder, palette),
     };
     let glow = builder.material(Material::emitter("lamp", radiance));
     let face = Shape::quad(Vec3::new(-0.5 * size.x, 0.0, -0.5 * size.y), Vec3::X * size.x, Vec3::Z * size.y);
@@ -114,7 +115,7 @@ fn lamps(builder: &mut SceneBuilder, palette: &Palette, lighting: Lighting) {
         Lighting::Ceiling => {
             (0..8).map(|i| Vec2::new((i / 2) as f32 * 2.4 - 3.6, (i % 2) as f32 * 2.6 - 1.3)).collect()
         }
-        Lighting::OneLamp => vec![Vec2::ZERO],
+        Lighting::OneLamp | Lighting::ManyLamps => vec![Vec2::ZERO],
     };
     let spots = spots.into_iter().map(|spot| Vec3::new(spot.x, HEIGHT - 0.055, spot.y));
     // The panels are switched together and are one light: renderers that visit every light need one shadow ray for all.
@@ -123,6 +124,24 @@ fn lamps(builder: &mut SceneBuilder, palette: &Palette, lighting: Lighting) {
     builder.place("lamps", panels, None, Affine3A::IDENTITY);
     for spot in spots {
         builder.place("lamp rim", rim, None, place(spot, 0.0));
+    }
+}
+
+/// Twenty by eleven round lamps in collars, switched one by one.
+fn downlights(builder: &mut SceneBuilder, palette: &Palette) {
+    const COUNT: [u32; 2] = [20, 11];
+    // As much light as the eight panels give.
+    let glow = builder.material(Material::emitter("lamp", Vec3::new(33.0, 30.7, 26.8)));
+    let face = cap(&circle(0.047, 12), 0.0, -0.012, false);
+    let face = object(builder, "downlight", [(face, glow)]);
+    let collar = lathe(16, &[(0.05, 0.0), (0.05, -0.02), (0.058, -0.02), (0.062, 0.0)]);
+    let collar = object(builder, "collar", [(collar, palette.white)]);
+    for i in 0..COUNT[0] * COUNT[1] {
+        let cell = Vec2::new((i % COUNT[0]) as f32 + 0.5, (i / COUNT[0]) as f32 + 0.5);
+        let spot = (cell / Vec2::new(COUNT[0] as f32, COUNT[1] as f32) * 2.0 - 1.0) * HALF;
+        let at = place(Vec3::new(spot.x, HEIGHT, spot.y), 0.0);
+        builder.place("collar", collar, None, at);
+        builder.place("downlight", face, None, at);
     }
 }
 
@@ -158,7 +177,7 @@ fn windows(builder: &mut SceneBuilder, palette: &Palette, lighting: Lighting) {
     }
 
     let view = paint::decal(builder, "evening", [1024, 256], |uv| evening(uv).extend(1.0));
-    let lit = lighting == Lighting::Ceiling;
+    let lit = lighting != Lighting::OneLamp;
     let outside = builder.material(Material {
         name: "evening".into(),
         base_color_texture: Some(TextureRef::new(view)),
