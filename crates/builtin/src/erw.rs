@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Edit, Light, LightKind, ObjectId, SceneBuilder};
 
-use crate::interior::furniture::{self, DESK_HEIGHT, Detail};
+use crate::interior::furniture::{self, Books, DESK_HEIGHT, Detail};
 use crate::interior::room::{Back, Kit, Row, WALL, lamp_places, slab};
 use crate::interior::{Finish, Palette, wall_between};
 use crate::random::Rng;
@@ -23,8 +23,8 @@ const RADIANCE: Vec3 = Vec3::new(13.0, 12.0, 10.4);
 pub(crate) fn build_room() -> Vec<Edit> {
     let mut builder = SceneBuilder::new();
     let palette = Palette::new(&mut builder, RADIANCE);
-    let kit = Kit::new(&mut builder, &palette, Detail::Plain, 2, 8);
-    let lamp = Lamp::new(&mut builder, &palette);
+    let kit = Kit::new(&mut builder, &palette, Detail::Plain, 1, Books::Runs);
+    let lamp = Lamp::new(&mut builder, &palette, Detail::Plain);
     let half = 0.5 * ROOM.x;
     let row = Row {
         world_from_row: Affine3A::IDENTITY,
@@ -53,8 +53,8 @@ pub(crate) fn build_room() -> Vec<Edit> {
 pub(crate) fn build_ten() -> Vec<Edit> {
     let mut builder = SceneBuilder::new();
     let palette = Palette::new(&mut builder, RADIANCE);
-    let kit = Kit::new(&mut builder, &palette, Detail::Fine, 4, 60);
-    let lamp = Lamp::new(&mut builder, &palette);
+    let kit = Kit::new(&mut builder, &palette, Detail::Fine, 4, Books::Single(14));
+    let lamp = Lamp::new(&mut builder, &palette, Detail::Fine);
     let extra = Extra::new(&mut builder, &palette);
     let half = 2.5 * ROOM.x;
     let mut rng = Rng::new(10);
@@ -87,8 +87,8 @@ pub(crate) fn build_ten() -> Vec<Edit> {
     builder.camera(Camera::look_at("corridor", eye, Vec3::new(-half, 1.1, z), Vec3::Y, 0.95));
     let eye = Vec3::new(1.75, 1.62, 0.35);
     builder.camera(Camera::look_at("room", eye, Vec3::new(-0.35, 0.85, 3.4), Vec3::Y, 1.02));
-    let eye = Vec3::new(-1.3, 1.6, 2.6);
-    builder.camera(Camera::look_at("through the door", eye, Vec3::new(-1.2, 1.2, -3.0), Vec3::Y, 0.95));
+    let eye = Vec3::new(-1.75, 1.6, -1.75);
+    builder.camera(Camera::look_at("through the door", eye, Vec3::new(-0.75, 1.15, 2.0), Vec3::Y, 0.95));
     builder.finish()
 }
 
@@ -116,9 +116,9 @@ struct Lamp {
 }
 
 impl Lamp {
-    fn new(builder: &mut SceneBuilder, palette: &Palette) -> Self {
+    fn new(builder: &mut SceneBuilder, palette: &Palette, detail: Detail) -> Self {
         Self {
-            rim: furniture::lamp_rim(LAMP).object(builder, palette, "lamp rim"),
+            rim: furniture::lamp_rim(detail, LAMP).object(builder, palette, "lamp rim"),
             face: furniture::lamp_face(LAMP).object(builder, palette, "lamp face"),
         }
     }

@@ -33,7 +33,7 @@ pub(crate) fn build() -> Vec<Edit> {
     let office = kit.row_of_the_office().rooms().nth(4).map_or(Affine3A::IDENTITY, |room| room.0);
     let inside = |p: Vec3| office.transform_point3(p) + up(OFFICE_LEVEL);
     let views = [
-        ("hall", Vec3::new(11.2, 1.7, 5.6), Vec3::new(-6.0, 7.2, -2.5), 1.12),
+        ("hall", Vec3::new(11.8, 1.7, 3.4), Vec3::new(-8.0, 6.4, -1.8), 1.15),
         ("gallery", Vec3::new(13.4, 1.65, 2.8) + up(4), Vec3::new(-9.0, -3.0, -2.6) + up(4), 1.05),
         ("office", inside(Vec3::new(1.6, 1.62, 0.7)), inside(Vec3::new(-0.5, 0.95, 4.2)), 1.05),
         ("corridor", Vec3::new(40.0, 1.65, 15.5) + up(2), Vec3::new(10.0, 1.3, 15.5) + up(2), 0.95),

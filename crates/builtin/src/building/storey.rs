@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{Light, LightKind, ObjectId, SceneBuilder};
 
 use super::{CLEAR, CORRIDOR, DEPTH, HALF_LENGTH, HALL, OFFICE_LEVEL, PITCH};
-use crate::interior::furniture::{self, Detail};
+use crate::interior::furniture::{self, Books, Detail};
 use crate::interior::room::{self, Back, Row, WALL, lamp_places, slab};
 use crate::interior::{Finish, Opening, Palette, Piece, wall_between};
 use crate::random::Rng;
@@ -33,7 +33,7 @@ pub(super) struct Kit {
 
 impl Kit {
     pub(super) fn new(builder: &mut SceneBuilder, palette: &Palette) -> Self {
-        let office = room::Kit::new(builder, palette, Detail::Plain, 8, 46);
+        let office = room::Kit::new(builder, palette, Detail::Plain, 8, Books::Single(10));
         let mut make = |piece: Piece, name: &str| piece.object(builder, palette, name);
         let top = Shape::rounded_block(Vec3::new(1.1, 0.04, 3.0), 0.015, 2, 1).moved(Vec3::Y * 0.72);
         let feet = [-1.0, 1.0].map(|z| Shape::block_on(Vec3::Z * z, Vec3::new(0.7, 0.70, 0.06)));

@@ -4,8 +4,8 @@ use std::f32::consts::TAU;
 
 use glam::{Affine3A, Vec2, Vec3};
 
-use super::Finish::{Black, Books, Cloth, Lamp, Night, Oak, Paper, Steel, White};
-use super::Piece;
+use super::Finish::{Black, Cloth, Lamp, Night, Oak, Paper, Steel, White};
+use super::{Finish, Piece};
 use crate::random::Rng;
 use crate::shape::Shape;
 use crate::solid::{lathe, tube};
@@ -87,18 +87,19 @@ pub(crate) fn chair(detail: Detail) -> Piece {
             .at(Affine3A::from_rotation_x(0.16))
             .moved(v(0.0, 0.56, 0.23)),
     );
-    let sides = detail.sides();
-    let mut frame = tube(&[(v(0.0, 0.06, 0.0), 0.03), (v(0.0, 0.43, 0.0), 0.025)], sides, false);
+    let post = [(v(0.0, 0.06, 0.0), 0.03), (v(0.0, 0.43, 0.0), 0.025)];
+    let mut frame = tube(&post, detail.sides(), false);
+    frame.add(&detail.board(v(-0.03, 0.41, 0.22), v(0.06, 0.30, 0.03)));
     for leg in 0..5 {
         let turn = Affine3A::from_rotation_y((leg as f32 + 0.25) / 5.0 * TAU);
         frame.add(&detail.board(v(-0.022, 0.045, 0.0), v(0.044, 0.035, 0.29)).at(turn));
     }
-    for side in [-0.27, 0.27] {
-        frame.add(&detail.board(v(side - 0.025, 0.64, -0.12), v(0.05, 0.03, 0.26)));
-        frame.add(&detail.board(v(side - 0.015, 0.45, 0.02), v(0.03, 0.19, 0.05)));
+    if detail == Detail::Fine {
+        for side in [-0.27, 0.27] {
+            frame.add(&detail.board(v(side - 0.025, 0.64, -0.12), v(0.05, 0.03, 0.26)));
+            frame.add(&detail.board(v(side - 0.015, 0.45, 0.02), v(0.03, 0.19, 0.05)));
+        }
     }
-    let spine = [(v(0.0, 0.45, 0.18), 0.02), (v(0.0, 0.62, 0.28), 0.02)];
-    frame.add(&tube(&spine, sides, false));
     Piece::default().with(Cloth, &cushions).with(Black, &frame)
 }
 
@@ -108,45 +109,74 @@ pub(crate) fn visitor(detail: Detail) -> Piece {
     cushions.add(&detail.board(v(-0.22, 0.58, 0.19), v(0.44, 0.28, 0.035)));
     let mut frame = Shape::default();
     for x in [-0.21f32, 0.18] {
+        if detail == Detail::Plain {
+            frame.add(&detail.board(v(x, 0.0, -0.20), v(0.03, 0.44, 0.38)));
+            continue;
+        }
         frame.add(&detail.board(v(x, 0.0, -0.21), v(0.03, 0.43, 0.03)));
         frame.add(&detail.board(v(x, 0.0, 0.185), v(0.03, 0.60, 0.03)));
     }
     Piece::default().with(Cloth, &cushions).with(Steel, &frame)
 }
 
-/// A shelf 1.2 × 2 m against a wall at −Z, with runs of books: at most `books` of them.
-pub(crate) fn shelf(books: usize, seed: u64) -> Piece {
-    const BOARDS: usize = 6;
+/// What stands in a shelf.
+#[derive(Clone, Copy)]
+pub(crate) enum Books {
+    /// A block for each run of books.
+    Runs,
+    /// Every book for itself, up to so many on a board.
+    Single(usize),
+}
+
+/// A shelf 1.2 × 2 m against a wall at −Z.
+pub(crate) fn shelf(books: Books, seed: u64) -> Piece {
+    let boards: usize = if matches!(books, Books::Runs) { 5 } else { 6 };
     let (w, h, d, t) = (1.2, 2.0, 0.30, 0.025);
-    let height = |k: usize| 0.06 + (h - 0.06 - t) * k as f32 / (BOARDS - 1) as f32;
+    let height = |k: usize| 0.06 + (h - 0.06 - t) * k as f32 / (boards - 1) as f32;
     let mut case = Shape::block(v(-0.5 * w, 0.0, 0.0), v(0.5 * w, h, 0.012));
     for x in [-0.5 * w, 0.5 * w - t] {
         case.add(&Shape::block(v(x, 0.0, 0.012), v(x + t, h, d)));
     }
-    for k in 0..BOARDS {
+    for k in 0..boards {
         case.add(&Shape::block(v(-0.5 * w + t, height(k), 0.012), v(0.5 * w - t, height(k) + t, d - 0.005)));
     }
     let mut rng = Rng::new(seed);
     let mut volumes = Shape::default();
-    let each = books.div_ceil(BOARDS - 1);
-    for k in 0..BOARDS - 1 {
-        let mut x = -0.5 * w + t + 0.01 + rng.range(0.0, 0.25);
-        for _ in 0..each {
-            let size = v(rng.range(0.025, 0.06), rng.range(0.20, 0.31), rng.range(0.16, 0.22));
-            if x + size.x > 0.5 * w - t - 0.01 {
-                break;
-            }
-            let book = Shape::block(v(x, height(k) + t, 0.04), v(x, height(k) + t, 0.04) + size);
-            let column = rng.below(16) as f32;
-            // A spine of the texture on the front; its colour everywhere else.
-            let bound = move |uv: Vec2| {
-                Vec2::new((column + 0.2 + 0.6 * (uv.x / 0.25).min(1.0)) / 16.0, uv.y / size.y)
-            };
-            volumes.add(&book.with_uvs(bound));
-            x += size.x + if rng.unit() > 0.9 { rng.range(0.05, 0.2) } else { 0.002 };
+    for k in 0..boards - 1 {
+        let (first, last) = (v(-0.5 * w + t + 0.01, height(k) + t, 0.04), 0.5 * w - t - 0.01);
+        match books {
+            Books::Runs => volumes.add(&run(&mut rng, first, last)),
+            Books::Single(most) => row(&mut rng, most, first, last, &mut volumes),
         }
     }
-    Piece::default().with(Oak, &case).with(Books, &volumes)
+    Piece::default().with(Oak, &case).with(Finish::Books, &volumes)
+}
+
+/// A block that shows several spines, somewhere between `first` and x = `last`.
+fn run(rng: &mut Rng, first: Vec3, last: f32) -> Shape {
+    let spines = 7.0 + rng.below(9) as f32;
+    let size = v(0.042 * spines, rng.range(0.24, 0.31), 0.19);
+    let corner = first + Vec3::X * rng.range(0.0, (last - first.x - size.x).max(0.0));
+    let start = rng.below(16) as f32;
+    let shown = move |uv: Vec2| Vec2::new((start + spines * uv.x / size.x) / 16.0, uv.y / size.y);
+    Shape::block(corner, corner + size).with_uvs(shown)
+}
+
+/// Up to `most` books side by side with gaps, from `first` to x = `last` at the most.
+fn row(rng: &mut Rng, most: usize, first: Vec3, last: f32, volumes: &mut Shape) {
+    let mut corner = first + Vec3::X * rng.range(0.0, 0.25);
+    for _ in 0..most {
+        let size = v(rng.range(0.025, 0.06), rng.range(0.20, 0.31), rng.range(0.16, 0.22));
+        if corner.x + size.x > last {
+            break;
+        }
+        let column = rng.below(16) as f32;
+        // A spine of the texture on the front; its colour everywhere else.
+        let bound =
+            move |uv: Vec2| Vec2::new((column + 0.2 + 0.6 * (uv.x / 0.25).min(1.0)) / 16.0, uv.y / size.y);
+        volumes.add(&Shape::block(corner, corner + size).with_uvs(bound));
+        corner.x += size.x + if rng.unit() > 0.9 { rng.range(0.05, 0.2) } else { 0.002 };
+    }
 }
 
 /// A door leaf hinged at the origin, closed along +X, standing on the ground; with its handles.
@@ -184,26 +214,29 @@ pub(crate) fn window(detail: Detail, size: Vec2) -> Piece {
 /// A waste paper bin.
 pub(crate) fn bin(detail: Detail) -> Piece {
     let profile = [(0.0, 0.0), (0.12, 0.0), (0.15, 0.32), (0.14, 0.32), (0.11, 0.02)];
-    Piece::default().with(Black, &lathe(2 * detail.sides(), &profile))
+    Piece::default().with(Black, &lathe(detail.sides(), &profile))
 }
 
 /// A picture in a frame against a wall at −Z, its middle at the origin.
 pub(crate) fn picture(detail: Detail) -> Piece {
     let frame = detail.board(v(-0.45, -0.32, 0.0), v(0.90, 0.64, 0.02));
     let canvas = Shape::quad(v(-0.41, -0.28, 0.022), Vec3::X * 0.82, Vec3::Y * 0.56);
-    Piece::default().with(Black, &frame).with(super::Finish::Accent, &canvas)
+    Piece::default().with(Black, &frame).with(Finish::Accent, &canvas)
 }
 
-/// The rim of a ceiling lamp around a glowing face of `size`, below a ceiling at y = 0.
-pub(crate) fn lamp_rim(size: Vec2) -> Piece {
-    let (h, t, drop) = (0.5 * size, 0.02, 0.05);
-    let bar = |x: [f32; 2], z: [f32; 2]| Shape::block(v(x[0], -drop, z[0]), v(x[1], 0.0, z[1]));
-    let shape = Shape::union([
-        bar([-h.x - t, h.x + t], [h.y, h.y + t]),
-        bar([-h.x - t, h.x + t], [-h.y - t, -h.y]),
-        bar([h.x, h.x + t], [-h.y, h.y]),
-        bar([-h.x - t, -h.x], [-h.y, h.y]),
-    ]);
+/// What holds a glowing face of `size` below a ceiling at y = 0: a box, or a rim around it.
+pub(crate) fn lamp_rim(detail: Detail, size: Vec2) -> Piece {
+    let (h, t) = (0.5 * size, 0.02);
+    let bar = |x: [f32; 2], z: [f32; 2], drop: f32| Shape::block(v(x[0], -drop, z[0]), v(x[1], 0.0, z[1]));
+    let mut shape = bar([-h.x - t, h.x + t], [-h.y - t, h.y + t], 0.025);
+    if detail == Detail::Fine {
+        for side in [-1.0f32, 1.0] {
+            let ends = |inner: f32| [side * inner, side * (inner + t)];
+            let ordered = |[a, b]: [f32; 2]| [a.min(b), a.max(b)];
+            shape.add(&bar([-h.x - t, h.x + t], ordered(ends(h.y)), 0.05));
+            shape.add(&bar(ordered(ends(h.x)), [-h.y, h.y], 0.05));
+        }
+    }
     Piece::default().with(White, &shape)
 }
 

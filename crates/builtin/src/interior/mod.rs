@@ -52,7 +52,7 @@ impl Palette {
         let carpet = tiled("carpet", 256, Vec2::splat(1.0), 1.0, &|uv| {
             pattern::carpet(uv, [Vec3::new(0.11, 0.14, 0.17), Vec3::new(0.09, 0.12, 0.155)], 3)
         });
-        let terrazzo = tiled("terrazzo", 512, Vec2::splat(2.4), 0.3, &|uv| {
+        let terrazzo = tiled("terrazzo", 512, Vec2::splat(2.4), 0.6, &|uv| {
             pattern::slabs(uv, 4, [Vec3::new(0.46, 0.43, 0.38), Vec3::new(0.40, 0.37, 0.33)], 5)
         });
         let oak = tiled("oak", 256, Vec2::new(2.0, 1.0), 0.35, &|uv| {

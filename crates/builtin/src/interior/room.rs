@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{InstanceId, ObjectId, SceneBuilder};
 
 use super::Finish::{Carpet, Ceiling, Plaster};
-use super::furniture::{self, DOOR, Detail};
+use super::furniture::{self, Books, DOOR, Detail};
 use super::{Opening, Palette, Piece, wall_between};
 use crate::random::Rng;
 use crate::shape::{Shape, place};
@@ -121,13 +121,13 @@ pub(crate) struct Kit {
 }
 
 impl Kit {
-    /// `shelves` kinds of shelves of up to `books` books each.
+    /// With `shelves` kinds of shelves.
     pub(crate) fn new(
         builder: &mut SceneBuilder,
         palette: &Palette,
         detail: Detail,
         shelves: u64,
-        books: usize,
+        books: Books,
     ) -> Self {
         let mut make = |piece: Piece, name: &str| piece.object(builder, palette, name);
         Self {

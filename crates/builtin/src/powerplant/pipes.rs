@@ -10,7 +10,7 @@ use crate::random::Rng;
 use crate::shape::Shape;
 use crate::solid::{lathe, torus, tube};
 
-const BUNDLES: usize = 256;
+const BUNDLES: usize = 138;
 /// Corners of a bundle's way.
 const CORNERS: usize = 9;
 

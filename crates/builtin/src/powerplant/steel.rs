@@ -3,7 +3,7 @@
 use std::f32::consts::FRAC_PI_2;
 
 use glam::{Affine3A, Vec2, Vec3};
-use heliostat_scene::SceneBuilder;
+use heliostat_scene::{Light, LightKind, SceneBuilder};
 
 use super::{BAY, BAYS, BOILER, LEVELS, PITCH, Palette, fixed, object};
 use crate::random::hash;
@@ -17,6 +17,7 @@ pub(super) fn build(builder: &mut SceneBuilder, palette: &Palette) {
     frame(builder, palette);
     gratings(builder, palette);
     rails(builder, palette);
+    lamps(builder);
     stairs(builder, palette);
     let ground = Shape::quad(Vec3::new(-160.0, 0.0, 160.0), Vec3::X * 320.0, Vec3::NEG_Z * 320.0);
     fixed(builder, "ground", [(ground, palette.concrete)]);
@@ -92,7 +93,7 @@ fn frame(builder: &mut SceneBuilder, palette: &Palette) {
 /// Floors of panels whose bars let light and views through.
 fn gratings(builder: &mut SceneBuilder, palette: &Palette) {
     const BEARING: u32 = 34;
-    const CROSS: u32 = 20;
+    const CROSS: u32 = 34;
     let mut bars = Shape::default();
     let bar = |min: Vec3, max: Vec3| Shape::block(min, max);
     for i in 0..BEARING {
@@ -122,6 +123,20 @@ fn gratings(builder: &mut SceneBuilder, palette: &Palette) {
     }
 }
 
+/// A lamp below the floor over every bay.
+fn lamps(builder: &mut SceneBuilder) {
+    for level in 1..=LEVELS {
+        for (i, k) in bays().filter(|&(i, k)| has_floor(i, k, level)) {
+            let kind = LightKind::Point {
+                position: column(i, k, level) + Vec3::new(0.5 * BAY, -0.9, 0.5 * BAY + 1.1),
+                intensity: Vec3::new(1.0, 0.82, 0.58) * 9.0,
+                range: f32::INFINITY,
+            };
+            builder.light(Light { name: "lamp".into(), kind });
+        }
+    }
+}
+
 fn bays() -> impl Iterator<Item = (i32, i32)> {
     (0..BAYS[0]).flat_map(|i| (0..BAYS[1]).map(move |k| (i, k)))
 }
@@ -136,7 +151,7 @@ fn rails(builder: &mut SceneBuilder, palette: &Palette) {
         let x = Vec3::X * (BAY * i as f32 / 8.0);
         shape.add(&tube(&[(x, 0.022), (x + Vec3::Y * 1.05, 0.022)], 10, true));
     }
-    let toe = Shape::block(Vec3::new(0.0, 0.0, -0.004), Vec3::new(BAY, 0.12, 0.004));
+    let toe = Shape::block(Vec3::new(0.0, 0.0, -0.008), Vec3::new(BAY, 0.12, 0.008));
     let rail = object(builder, "rail", [(shape, palette.yellow), (toe, palette.yellow)]);
     for level in 1..=LEVELS {
         for (i, k) in bays().filter(|&(i, k)| has_floor(i, k, level)) {
