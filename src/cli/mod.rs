@@ -11,6 +11,7 @@ mod host;
 mod info;
 mod input;
 mod output;
+mod photometry;
 mod pictures;
 mod playback;
 mod render;
@@ -40,6 +41,8 @@ enum Command {
     Info(info::Arguments),
     /// Measure how far picture A is from the reference B
     Compare(compare::Arguments),
+    /// Measure how strongly a scene's lights shine in which direction, through its mirrors and lenses
+    Photometry(photometry::Arguments),
     /// List the built-in scenes, which every command takes by name
     Scenes(scenes::Arguments),
     /// Show a scene in a window and change it; without a display on a web page
@@ -57,6 +60,7 @@ pub(crate) fn run() -> ExitCode {
         Some(Command::Render(arguments)) => render::run(*arguments),
         Some(Command::Info(arguments)) => info::run(&arguments),
         Some(Command::Compare(arguments)) => compare::run(&arguments),
+        Some(Command::Photometry(arguments)) => photometry::run(arguments),
         Some(Command::Scenes(arguments)) => scenes::run(&arguments),
         Some(Command::View(arguments)) => view::run(&arguments),
         Some(Command::Serve(arguments)) => view::run_server(&arguments),

@@ -128,7 +128,10 @@ fn temporary(path: &Path) -> PathBuf {
 }
 
 /// Writes under a temporary name in the same folder, then renames: whoever looks sees the old file or the new one.
-fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+///
+/// # Errors
+/// When the file cannot be written.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let temporary = temporary(path);
     let written = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
     written.map_err(|error| {

@@ -22,6 +22,7 @@ mod conference;
 mod cornell;
 mod ellipse;
 mod erw;
+mod headlight;
 mod interior;
 mod office;
 mod paint;
@@ -65,6 +66,11 @@ pub fn names() -> &'static [(&'static str, &'static str)] {
         ("erw6", "a small office by night under six ceiling lamps, of fewer than 1,000 triangles"),
         ("erw10", "ten offices along a corridor under a hundred lamps, some behind closed doors"),
         (
+            "headlight",
+            "a car's head lamp of 800,000 triangles: faceted reflector, coiled filament, fluted lens",
+        ),
+        ("headlight-levels", "the head lamp in false colour: how many edges rays have where they end"),
+        (
             "office",
             "a wooden desk on marble before a brick wall, all of procedural shaders, with a wavy mirror",
         ),
@@ -95,6 +101,8 @@ pub fn build(name: &str) -> Option<Vec<Edit>> {
         "ellipse" => ellipse::build(),
         "erw6" => erw::build_room(),
         "erw10" => erw::build_ten(),
+        "headlight" => headlight::build(headlight::Look::Lit),
+        "headlight-levels" => headlight::build(headlight::Look::Levels),
         "office" => office::build(),
         "powerplant" => powerplant::build(),
         "spheres" => spheres::build(),

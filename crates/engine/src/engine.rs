@@ -18,6 +18,7 @@ use crate::compile::{Compiled, Refused};
 use crate::film::Film;
 use crate::igi;
 use crate::meter::Metered;
+use crate::photometry::{self, Photometry, PhotometryRequest};
 use crate::post;
 use crate::queue::{STACK_BYTES, work_through};
 
@@ -130,6 +131,20 @@ impl Engine {
     /// Answers rays in world space against the scene as it is, for picking and for placing cameras.
     pub fn rays(&self) -> &impl RayQuery {
         self.compiled.world()
+    }
+
+    /// Measures how strongly the scene's lights, through its mirrors and lenses, shine in which direction.
+    ///
+    /// # Errors
+    /// [`BackendError::Request`] if the request is out of range or the scene has no light that stands in it,
+    /// [`BackendError::Cancelled`], [`BackendError::Failed`] if threads cannot be started.
+    pub fn photometry(
+        &self,
+        request: &PhotometryRequest,
+        progress: &Progress,
+    ) -> Result<Photometry, BackendError> {
+        let scene = self.compiled.shading(MaterialOverride::None);
+        photometry::measure(self.compiled.world(), scene, request, self.threads, progress)
     }
 
     /// Compiles the whole scene anew, as after an update that a limit stopped half-way.

@@ -27,8 +27,10 @@ mod engine;
 mod film;
 mod igi;
 mod meter;
+mod photometry;
 mod post;
 mod queue;
 
 pub use engine::{Accelerator, Engine, EngineOptions};
 pub use heliostat_shading::{LaneMode, ShaderRegistry, tone};
+pub use photometry::{FluxBalance, Photometry, PhotometryRequest};
