@@ -45,7 +45,7 @@ fn help_and_lists() {
     let folder = folder("help");
     let help = heliostat(&folder, "--help");
     expect_code(&help, 0);
-    for command in ["render", "info", "compare", "scenes", "view", "serve"] {
+    for command in ["render", "info", "compare", "photometry", "scenes", "view", "serve"] {
         assert!(stdout(&help).contains(command), "{command}");
     }
     expect_code(&heliostat(&folder, "--version"), 0);
@@ -449,4 +449,26 @@ fn a_photometric_file_is_a_scene() {
     // 100 cd over a hemisphere are 628 lm.
     assert!(info.contains("`A lamp`, measured profile") && info.contains("628 lm"), "{info}");
     expect_code(&heliostat(&folder, "render lamp.ies --size 24x16 --renderer igi -o lamp.png"), 0);
+}
+
+#[test]
+fn photometry_of_a_lamp_is_a_table_and_a_picture() {
+    let folder = folder("photometry");
+    let run = "photometry cornell --particles 20000 --bins 12x6 --json";
+    let output = heliostat(&folder, &format!("{run} -o box.csv"));
+    expect_code(&output, 0);
+    assert_eq!(files(&folder), ["box.csv", "box.png"]);
+    let totals: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let lumens = |key: &str| totals[key].as_f64().unwrap();
+    assert!((lumens("accounted_for") - 1.0).abs() < 0.01, "{totals}");
+    // The box is open towards the camera, +Z: some light comes out, none of it backwards.
+    assert!(lumens("left_lm") > 0.05 * lumens("emitted_lm"), "{totals}");
+    let table = std::fs::read_to_string(folder.join("box.csv")).unwrap();
+    assert_eq!(table.lines().count(), 7);
+    assert!(table.lines().all(|line| line.split(',').count() == 13), "{table}");
+    let again = heliostat(&folder, &format!("{run} --threads 1"));
+    assert_eq!(stdout(&again), stdout(&output), "threads change nothing");
+    expect_code(&heliostat(&folder, "photometry cornell -o box.txt"), 2);
+    expect_code(&heliostat(&folder, "photometry cornell --window 200,90"), 2);
+    expect_code(&heliostat(&folder, "photometry cornell --bins 5000x5000"), 1);
 }

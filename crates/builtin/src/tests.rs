@@ -92,6 +92,32 @@ fn the_power_plant_has_twelve_and_a_half_million_triangles_of_which_five_are_uni
 }
 
 #[test]
+fn the_head_lamp_has_its_triangles_and_its_glass_is_closed() {
+    let scene = scene("headlight");
+    assert!((780_000..830_000).contains(&triangles(&scene)), "{}", triangles(&scene));
+    for object in scene.objects().values().filter(|o| ["lens", "envelope"].contains(&o.name.as_str())) {
+        for part in &object.parts {
+            check_closed(scene.geometries()[&part.geometry].as_mesh().unwrap(), &object.name);
+        }
+    }
+}
+
+/// Every edge has a triangle on either side; vertices count as one within a nanometre or so.
+fn check_closed(mesh: &Mesh, what: &str) {
+    let place = |i: u32| (mesh.positions[i as usize].as_dvec3() * 1e7).round().as_i64vec3().to_array();
+    let mut open: HashMap<[[i64; 3]; 2], i32> = HashMap::new();
+    for triangle in mesh.indices.iter() {
+        for k in 0..3 {
+            let [a, b] = [triangle[k], triangle[(k + 1) % 3]].map(place);
+            // One way counts up, the other way down.
+            *open.entry(if a < b { [a, b] } else { [b, a] }).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    let open = open.iter().filter(|(edge, count)| edge[0] != edge[1] && **count != 0).count();
+    assert_eq!(open, 0, "{what}: edges without a neighbour");
+}
+
+#[test]
 fn rooms_are_closed_around_their_cameras() {
     for name in ["erw6", "erw10", "ellipse", "building"] {
         let scene = scene(name);

@@ -11,10 +11,10 @@ use crate::solid::{lathe, tube};
 const APERTURE: Vec2 = Vec2::new(0.130, 0.080);
 pub(super) const LENS: Vec2 = Vec2::new(0.134, 0.084);
 /// Focal length of the reflector's paraboloid, metres.
-const FOCUS: f32 = 0.028;
+const FOCUS: f32 = 0.036;
 /// Facets of the reflector, and quadrilaterals along an edge of each.
 const FACETS: [u32; 2] = [32, 18];
-const FINENESS: u32 = 16;
+const FINENESS: u32 = 18;
 /// How much more strongly than the paraboloid facets curve along X and Y, 1/m: they spread the beam to the sides.
 const SPREAD: Vec2 = Vec2::new(3.0, 0.8);
 /// Radius of the hole for the bulb, metres.

@@ -13,9 +13,8 @@ use crate::solid::{lathe, loft, rectangle, tube};
 const TUBE_PITCH: f32 = 0.075;
 
 pub(super) fn build(builder: &mut SceneBuilder, palette: &Palette) {
-    for wall in parallel(4, wall) {
-        fixed(builder, "boiler wall", [(wall, palette.boiler)]);
-    }
+    let walls = parallel(4, wall).into_iter().map(|wall| (wall, palette.boiler));
+    fixed(builder, "boiler walls", walls);
     platens(builder, palette);
     drum(builder, palette);
     turbines(builder, palette);

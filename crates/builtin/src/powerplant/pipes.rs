@@ -3,9 +3,9 @@
 use std::f32::consts::FRAC_PI_2;
 
 use glam::{Affine3A, Quat, Vec3};
-use heliostat_scene::SceneBuilder;
+use heliostat_scene::{Mesh, SceneBuilder};
 
-use super::{BAY, BAYS, LEVELS, PITCH, Palette, fixed, meets_boiler, object, parallel};
+use super::{BAY, BAYS, LEVELS, PITCH, Palette, meets_boiler, object, parallel};
 use crate::random::Rng;
 use crate::shape::Shape;
 use crate::solid::{lathe, torus, tube};
@@ -23,8 +23,9 @@ struct Seat {
 
 pub(super) fn build(builder: &mut SceneBuilder, palette: &Palette) {
     let valve = valve(builder, palette);
-    for (i, (shape, seats)) in parallel(BUNDLES, bundle).into_iter().enumerate() {
-        fixed(builder, "pipes", [(shape, palette.pipes[i % palette.pipes.len()])]);
+    let mut parts = Vec::new();
+    for (i, (mesh, seats)) in parallel(BUNDLES, bundle).into_iter().enumerate() {
+        parts.push((builder.mesh(mesh), palette.pipes[i % palette.pipes.len()]));
         for seat in seats {
             let turn = Quat::from_rotation_arc(Vec3::X, seat.axis);
             let size = Vec3::splat(seat.radius);
@@ -32,10 +33,13 @@ pub(super) fn build(builder: &mut SceneBuilder, palette: &Palette) {
             builder.place("valve", valve, None, frame);
         }
     }
+    // One object: bundles reach through each other, and a ray should not have to enter every one of them.
+    let pipes = builder.object("pipes", parts);
+    builder.place("pipes", pipes, None, Affine3A::IDENTITY);
 }
 
 /// Parallel pipes of one radius along one way.
-fn bundle(index: usize) -> (Shape, Vec<Seat>) {
+fn bundle(index: usize) -> (Mesh, Vec<Seat>) {
     let mut rng = Rng::new(0x919E + index as u64);
     let way = way(&mut rng);
     // Few thick ones, many thin ones.
@@ -59,7 +63,7 @@ fn bundle(index: usize) -> (Shape, Vec<Seat>) {
             }
         }
     }
-    (shape, seats)
+    (shape.mesh(), seats)
 }
 
 /// Corners of a way along the axes, under the floors and up between them, around the boiler.

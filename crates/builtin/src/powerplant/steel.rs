@@ -90,37 +90,40 @@ fn frame(builder: &mut SceneBuilder, palette: &Palette) {
     }
 }
 
-/// Floors of panels whose bars let light and views through.
+/// Floors of panels whose bars let light and views through: a bay's panels and joists are one object.
 fn gratings(builder: &mut SceneBuilder, palette: &Palette) {
+    let panel = panel();
+    let (mut bars, mut joists) = (Shape::default(), Shape::default());
+    for z in 0..(BAY / PANEL.y) as u32 {
+        for x in 0..(BAY / PANEL.x) as u32 {
+            bars.add(&panel.clone().moved(Vec3::new(x as f32 * PANEL.x, 0.0, z as f32 * PANEL.y)));
+        }
+    }
+    for z in 1..4 {
+        joists.add(&beam(BAY, 0.24).moved(Vec3::new(0.0, -0.16, z as f32 * PANEL.x)));
+    }
+    let floor = object(builder, "floor", [(bars, palette.zinc), (joists, palette.steel)]);
+    for level in 1..=LEVELS {
+        for (i, k) in bays().filter(|&(i, k)| has_floor(i, k, level)) {
+            builder.place("floor", floor, None, place(column(i, k, level), 0.0));
+        }
+    }
+}
+
+/// Bearing bars along X and cross bars.
+fn panel() -> Shape {
     const BEARING: u32 = 34;
     const CROSS: u32 = 34;
     let mut bars = Shape::default();
-    let bar = |min: Vec3, max: Vec3| Shape::block(min, max);
     for i in 0..BEARING {
         let z = (i as f32 + 0.5) / BEARING as f32 * PANEL.y;
-        bars.add(&bar(Vec3::new(0.0, -0.035, z - 0.0025), Vec3::new(PANEL.x, 0.0, z + 0.0025)));
+        bars.add(&Shape::block(Vec3::new(0.0, -0.035, z - 0.0025), Vec3::new(PANEL.x, 0.0, z + 0.0025)));
     }
     for i in 0..CROSS {
         let x = (i as f32 + 0.5) / CROSS as f32 * PANEL.x;
-        bars.add(&bar(Vec3::new(x - 0.003, -0.010, 0.0), Vec3::new(x + 0.003, -0.004, PANEL.y)));
+        bars.add(&Shape::block(Vec3::new(x - 0.003, -0.010, 0.0), Vec3::new(x + 0.003, -0.004, PANEL.y)));
     }
-    let panel = object(builder, "grating", [(bars, palette.zinc)]);
-    let joist = object(builder, "joist", [(beam(BAY, 0.24), palette.steel)]);
-    for level in 1..=LEVELS {
-        for (i, k) in bays().filter(|&(i, k)| has_floor(i, k, level)) {
-            let corner = column(i, k, level);
-            for z in 0..(BAY / PANEL.y) as u32 {
-                for x in 0..(BAY / PANEL.x) as u32 {
-                    let at = corner + Vec3::new(x as f32 * PANEL.x, 0.0, z as f32 * PANEL.y);
-                    builder.place("grating", panel, None, place(at, 0.0));
-                }
-            }
-            for z in 1..4 {
-                let at = corner + Vec3::new(0.0, -0.16, z as f32 * PANEL.x);
-                builder.place("joist", joist, None, place(at, 0.0));
-            }
-        }
-    }
+    bars
 }
 
 /// A lamp below the floor over every bay.
