@@ -5,12 +5,12 @@ mod optics;
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 use heliostat_scene::{Camera, Edit, Environment, Material, MaterialId, SceneBuilder, ShaderUse, Volume};
 
 use crate::shape::Shape;
 use crate::sky;
-use crate::solid::{lathe, loft, sphere, superellipse, tube};
+use crate::solid::{cap, lathe, loft, sphere, superellipse, tube};
 
 /// Edges of a ray that show white in `headlight-levels`.
 const LEVELS: f32 = 25.0;
@@ -127,12 +127,13 @@ fn socket() -> Shape {
 
 /// The shell around the reflector, closed behind, open where the lens is.
 fn housing() -> Shape {
-    let outline = superellipse(glam::Vec2::new(0.148, 0.098), 8.0, 256);
-    let (outside, inside) = (0.0, -0.003);
-    let mut profile = vec![(-0.093, -0.062), (-0.05, -0.060), (-0.02, -0.052)];
-    profile.extend((0..=24).map(|k| (outside + 0.0006 * ((k % 4) / 2) as f32, -0.045 + 0.008 * k as f32)));
-    profile.extend([(inside, 0.147), (inside, -0.042), (-0.022, -0.049), (-0.05, -0.057), (-0.093, -0.059)]);
-    loft(&outline, &profile).at(optics::forwards())
+    let outline = superellipse(Vec2::new(0.148, 0.098), 8.0, 256);
+    let (back, inset, wall) = (-0.062, -0.006, -0.003);
+    let mut profile = vec![(inset, back), (0.0, back + 0.012)];
+    profile.extend((0..=24).map(|k| (0.0006 * ((k % 4) / 2) as f32, -0.045 + 0.008 * k as f32)));
+    profile.extend([(wall, 0.147), (wall, back + 0.014), (inset, back + 0.003)]);
+    let plates = [cap(&outline, inset, back, false), cap(&outline, inset, back + 0.003, true)];
+    Shape::union([loft(&outline, &profile), Shape::union(plates)]).at(optics::forwards())
 }
 
 /// A frame of bars before the lens's border.

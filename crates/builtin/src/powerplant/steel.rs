@@ -41,6 +41,12 @@ fn over_boiler(i: i32, k: i32) -> bool {
     middle(i, BAYS[0]).abs() < BOILER && middle(k, BAYS[1]).abs() < BOILER
 }
 
+/// Whether column (i, k) would stand in the boiler.
+fn inside_boiler(i: i32, k: i32) -> bool {
+    let at = column(i, k, 0);
+    at.x.abs() < BOILER && at.z.abs() < BOILER
+}
+
 /// Where column (i, k) stands.
 fn column(i: i32, k: i32, level: i32) -> Vec3 {
     Vec3::new(
@@ -67,17 +73,18 @@ fn frame(builder: &mut SceneBuilder, palette: &Palette) {
     for level in 0..LEVELS {
         for i in 0..=BAYS[0] {
             for k in 0..=BAYS[1] {
-                // The boiler hangs from the top: the column in its middle starts there.
-                let inside = column(i, k, 0).x.abs() < BOILER && column(i, k, 0).z.abs() < BOILER;
-                if !inside {
+                if !inside_boiler(i, k) {
                     builder.place("column", upright, None, place(column(i, k, level), 0.0) * stand);
                 }
                 let at = column(i, k, level + 1) - drop;
-                let top = level == LEVELS - 1;
-                if i < BAYS[0] && (top || !inside && !(column(i + 1, k, 0).length() < BOILER)) {
+                // The boiler hangs from the topmost beams; below them it interrupts those through its middle.
+                let whole = |to: (i32, i32)| {
+                    level == LEVELS - 1 || !inside_boiler(i, k) && !inside_boiler(to.0, to.1)
+                };
+                if i < BAYS[0] && whole((i + 1, k)) {
                     builder.place("beam", main, None, place(at, 0.0));
                 }
-                if k < BAYS[1] && (top || !inside && !(column(i, k + 1, 0).length() < BOILER)) {
+                if k < BAYS[1] && whole((i, k + 1)) {
                     builder.place("beam", main, None, place(at, -FRAC_PI_2));
                 }
                 let border = k == 0 || k == BAYS[1];
