@@ -107,15 +107,7 @@ impl Engine {
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
         let compiled = Compiled::new(&options, shaders.clone());
         let pixel_shaders = PixelRegistry::built_in();
-        Ok(Self {
-            scene: Scene::default(),
-            compiled,
-            options,
-            shaders,
-            pixel_shaders,
-            pool,
-            history: None,
-        })
+        Ok(Self { scene: Scene::default(), compiled, options, shaders, pixel_shaders, pool, history: None })
     }
 
     /// Replaces the pixel shaders that requests may name; the default is those that come with the engine.
@@ -143,7 +135,7 @@ impl Engine {
         request: &PhotometryRequest,
         progress: &Progress,
     ) -> Result<Photometry, BackendError> {
-        let scene = self.compiled.shading(MaterialOverride::None);
+        let scene = self.compiled.shading(&MaterialOverride::None);
         photometry::measure(self.compiled.world(), scene, request, self.threads, progress)
     }
 

@@ -276,7 +276,9 @@ fn launch(
     let sampler = Sampler::along(number, request.seed ^ SEED);
     let [choice, place, u, v] = sampler.set(0);
     let [direction_u, direction_v, ..] = sampler.set(1);
-    let (source, ray) = scene.emit([choice, place, u, v, direction_u, direction_v])?;
+    let (emitter, probability, _) = scene.lights().choose(choice)?;
+    let points = [place, u, v, direction_u, direction_v];
+    let (source, ray) = scene.emit((emitter, probability), points)?;
     let ray = ray.filter(|ray| ray.flux.is_finite())?;
     let far =
         matches!(source, Source::Distant { .. } | Source::Light { kind: LightKind::Directional { .. }, .. });
