@@ -136,7 +136,7 @@ impl Engine {
         progress: &Progress,
     ) -> Result<Photometry, BackendError> {
         let scene = self.compiled.shading(&MaterialOverride::None);
-        photometry::measure(self.compiled.world(), scene, request, self.threads, progress)
+        photometry::measure(self.compiled.world(), scene, request, &self.pool, progress)
     }
 
     /// Compiles the whole scene anew, as after an update that a limit stopped half-way.

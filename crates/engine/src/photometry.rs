@@ -6,7 +6,6 @@
 //! (particles as importance-weighted samples of light leaving its sources; refraction scales radiance but not flux).
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::num::NonZeroUsize;
 use std::sync::{Mutex, PoisonError};
 
 use glam::{DVec3, Vec3};
@@ -187,7 +186,7 @@ pub(crate) fn measure<Q: RayQuery + Sync + ?Sized>(
     query: &Q,
     scene: &ShadingScene,
     request: &PhotometryRequest,
-    threads: NonZeroUsize,
+    pool: &rayon::ThreadPool,
     progress: &Progress,
 ) -> Result<Photometry, BackendError> {
     if let Some(problem) = problem(request) {
@@ -198,7 +197,7 @@ pub(crate) fn measure<Q: RayQuery + Sync + ?Sized>(
     let strands: Vec<Mutex<Strand>> = (0..STRANDS).map(|_| Mutex::new(empty())).collect();
     let batches = request.particles.div_ceil(BATCH);
     progress.start(batches);
-    work_through(threads, STRANDS, &|| progress.is_cancelled(), &|index| {
+    work_through(pool, STRANDS, &|| progress.is_cancelled(), &|index| {
         let mut strand = strands[index].lock().unwrap_or_else(PoisonError::into_inner);
         let mut batch = index as u64;
         while batch < batches && !progress.is_cancelled() {
