@@ -23,7 +23,7 @@ pub(crate) fn render(
     let size = film.size();
     let before = history.as_ref().filter(|_| options.accumulate);
     let passes_before = before.map_or(0, |history| history.frames().wrapping_mul(settings.samples));
-    let mut frame = IgiFrame::new(view, settings, igi_settings(options), passes_before);
+    let mut frame = pool.install(|| IgiFrame::new(view, settings, igi_settings(options), passes_before));
     let regions = frame.regions(size.0, size.1);
     progress.start(regions.len() as u64 * u64::from(settings.samples));
     let rays = AtomicU64::new(0);
@@ -35,7 +35,7 @@ pub(crate) fn render(
     let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
     let remembered: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::<Remembered>::new())).collect();
     for pass in 0..settings.samples {
-        rays.fetch_add(frame.start(pass), Ordering::Relaxed);
+        rays.fetch_add(pool.install(|| frame.start(pass)), Ordering::Relaxed);
         let shared = Mutex::new(&mut picture);
         work_through(pool, regions.len(), &stop, &|index| {
             let region = &regions[index];
@@ -48,12 +48,11 @@ pub(crate) fn render(
             progress.advance(1);
         })?;
         work_through(pool, rows.len(), &stop, &|y| {
-            let (light, memory): (Vec<Vec3>, Vec<Remembered>) =
-                frame.row(&picture, size, y as u32, before).into_iter().unzip();
+            let mut memory = locked(&remembered[y]);
+            memory.clear();
+            let memory = options.accumulate.then_some(&mut *memory);
+            let light = frame.row(&picture, size, y as u32, before, memory);
             locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
-            if options.accumulate {
-                *locked(&remembered[y]) = memory;
-            }
         })?;
     }
     for (region, sums) in regions.iter().zip(&sums) {

@@ -27,6 +27,13 @@ pub(super) struct Light {
     pub(super) gloss: Vec3,
 }
 
+impl Light {
+    /// What a surface of some colour reflects of it.
+    pub(super) fn reflected(&self, albedo: Vec3) -> Vec3 {
+        albedo * self.irradiance + self.gloss
+    }
+}
+
 /// Filters rows of a picture.
 pub(super) struct Window<'a> {
     /// Row by row.

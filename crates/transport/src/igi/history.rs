@@ -37,15 +37,19 @@ pub struct Remembered {
 }
 
 impl Remembered {
-    /// What a pixel receives in the first picture.
-    pub(super) fn first(point: &Gathered, light: Light) -> Self {
+    /// What a pixel receives, with what its point has received in the picture before, if there was one.
+    pub(super) fn of(point: &Gathered, light: Light, history: Option<&History>) -> Self {
         let frames = if point.strength > 0.0 && point.straight { 1.0 } else { 0.0 };
-        Self { light, position: point.position, normal: point.normal, frames }
+        let first = Self { light, position: point.position, normal: point.normal, frames };
+        match history {
+            Some(history) if frames > 0.0 => history.blend(first),
+            _ => first,
+        }
     }
 
-    /// What a surface of some colour reflects of it.
-    pub(super) fn reflected(&self, albedo: Vec3) -> Vec3 {
-        albedo * self.light.irradiance + self.light.gloss
+    /// The mean light.
+    pub(super) fn light(&self) -> Light {
+        self.light
     }
 }
 
@@ -82,27 +86,22 @@ impl History {
         self.frames = 0;
     }
 
-    /// The mean of what a pixel receives and what its point has received before.
-    pub(super) fn blend(&self, point: &Gathered, light: Light) -> Remembered {
-        let mut blended = Remembered::first(point, light);
-        if blended.frames == 0.0 {
-            return blended;
-        }
-        if let Some((before, frames)) = self.look_up(point) {
-            blended.frames = (frames + 1.0).min(MOST_FRAMES);
-            let mix = |before: Vec3, now: Vec3, most: f32| {
-                let weight = 1.0 / blended.frames.min(most);
-                before + (now - before) * weight
+    /// The mean of what a point receives and what it has received before.
+    fn blend(&self, mut point: Remembered) -> Remembered {
+        if let Some((before, frames)) = self.look_up(&point) {
+            point.frames = (frames + 1.0).min(MOST_FRAMES);
+            let mix = |before: Vec3, now: Vec3, most: f32| before + (now - before) / point.frames.min(most);
+            point.light = Light {
+                irradiance: mix(before.irradiance, point.light.irradiance, MOST_FRAMES),
+                gloss: mix(before.gloss, point.light.gloss, MOST_GLOSSY_FRAMES),
             };
-            blended.light.irradiance = mix(before.irradiance, light.irradiance, MOST_FRAMES);
-            blended.light.gloss = mix(before.gloss, light.gloss, MOST_GLOSSY_FRAMES);
         }
-        blended
+        point
     }
 
     /// The light that a point had in the picture before, between the four pixels around it, and how many frames it is the
     /// mean of; `None` if it was not seen.
-    fn look_up(&self, point: &Gathered) -> Option<(Light, f32)> {
+    fn look_up(&self, point: &Remembered) -> Option<(Light, f32)> {
         let at = self.camera.project(point.position)? - 0.5;
         let corner = at.floor();
         let (mut sum, mut frames, mut weights) = (Light::default(), 0.0, 0.0);
@@ -129,7 +128,7 @@ impl History {
         })
     }
 
-    fn is_same(&self, pixel: &Remembered, point: &Gathered) -> bool {
+    fn is_same(&self, pixel: &Remembered, point: &Remembered) -> bool {
         let scale = PLANE_DISTANCE * point.position.distance(self.camera.position());
         let off = (pixel.position - point.position).dot(point.normal).abs();
         pixel.frames > 0.0 && pixel.normal.dot(point.normal) > LEAST_COSINE && off < scale

@@ -16,13 +16,16 @@
 //! thresholds are ours.
 
 use heliostat_kernel::RayQuery;
+use rayon::prelude::*;
 
-use super::sight::Sight;
+use super::sight::{Asking, Sight};
 use super::vpl::Candidate;
 use crate::region::View;
 
 /// Share of the mean importance that every candidate has besides its own.
-const FLOOR: f32 = 0.25;
+const FLOOR: f32 = 0.5;
+/// Candidates that a thread takes at a time.
+const CHUNK: usize = 64;
 /// Width of the soft thresholds, as a share of the probability on either side.
 const SOFTNESS: f32 = 0.1;
 
@@ -36,21 +39,31 @@ pub(super) struct Contributions {
 }
 
 impl Contributions {
-    /// Asks for all of them: one tile of shadow rays for each candidate.
+    /// Asks for all of them, one tile of shadow rays for each candidate, on all threads of the pool at hand. Returns the
+    /// number of rays too.
     pub(super) fn new<Q: RayQuery + ?Sized>(
         view: &View<'_, Q>,
         candidates: &[Candidate],
-        sight: &mut Sight,
-    ) -> Self {
-        let mut total = vec![0.0_f32; sight.points().len()];
-        let mut added = Vec::new();
-        for (index, candidate) in (0..).zip(candidates) {
-            sight.light(view, &candidate.vpl.source, |point, irradiance| {
-                total[point] += irradiance;
-                added.push((index, point as u32, irradiance));
-            });
+        sight: &Sight,
+    ) -> (Self, u64) {
+        let points = sight.points();
+        let ask = |(chunk, candidates): (usize, &[Candidate])| {
+            let (mut asking, mut added, mut traced) = (Asking::default(), Vec::new(), 0);
+            for (index, candidate) in (chunk * CHUNK..).zip(candidates) {
+                traced += asking.light(view, (points, &candidate.vpl.source), |point, irradiance| {
+                    added.push((index as u32, point as u32, irradiance));
+                });
+            }
+            (added, traced)
+        };
+        let chunks: Vec<_> = candidates.par_chunks(CHUNK).enumerate().map(ask).collect();
+        let (mut total, mut added, mut traced) = (vec![0.0_f32; points.len()], Vec::new(), 0);
+        for (more, rays) in chunks {
+            more.iter().for_each(|&(_, point, irradiance)| total[point as usize] += irradiance);
+            added.extend(more);
+            traced += rays;
         }
-        Self { total, added }
+        (Self { total, added }, traced)
     }
 
     /// Irradiance that is typical of the points: the geometric mean, which neither a few bright points nor a spike near a
@@ -64,19 +77,32 @@ impl Contributions {
         if count > 0.0 { (sum / count).exp() } else { 0.0 }
     }
 
-    /// By how much each candidate is to be multiplied, 0 for those that are not kept: of `budget` in the mean. `bound` limits
-    /// geometric terms.
+    /// By how much each candidate is to be multiplied, 0 for those that are not kept: one of `times` in the mean. `bound`
+    /// limits geometric terms.
+    ///
+    /// Candidates on lights and those on lit surfaces do not compete: what lights bring is larger, but well distributed
+    /// over them, so that fewer of them do.
     pub(super) fn choose(
         &self,
         candidates: &[Candidate],
         sight: &Sight,
-        (bound, budget): (f32, f32),
+        (bound, times): (f32, f32),
     ) -> Vec<f32> {
         let importance = self.importance(candidates, sight, bound);
-        let scale = scale(&importance, budget);
-        let probabilities = importance.iter().map(|i| scale * i);
-        let weight = |(p, c): (f32, &Candidate)| c.threshold.map_or(1.0, |threshold| weight(p, threshold));
-        probabilities.zip(candidates).map(weight).collect()
+        let of = |direct: bool| {
+            let own = candidates.iter().zip(&importance).filter(|(c, _)| c.is_direct() == direct);
+            let own: Vec<f32> = own.filter(|(c, _)| c.threshold.is_some()).map(|(_, &i)| i).collect();
+            let mean = own.iter().sum::<f32>() / own.len().max(1) as f32;
+            let floor = if mean > 0.0 { FLOOR * mean } else { 1.0 };
+            let budget = own.len() as f32 / times;
+            (scale(own.into_iter().map(|i| i + floor).collect(), budget), floor)
+        };
+        let scales = [of(false), of(true)];
+        let weight = |(candidate, importance): (&Candidate, &f32)| {
+            let (scale, floor) = scales[usize::from(candidate.is_direct())];
+            candidate.threshold.map_or(1.0, |threshold| weight(scale * (importance + floor), threshold))
+        };
+        candidates.iter().zip(&importance).map(weight).collect()
     }
 
     /// Root mean square of what each candidate adds to the points, relative to all that they receive.
@@ -89,23 +115,17 @@ impl Contributions {
             importance[index] += share * share;
         }
         importance.iter_mut().for_each(|square| *square = square.sqrt());
-        let mean = importance.iter().sum::<f32>() / importance.len().max(1) as f32;
-        let floor = if mean > 0.0 { FLOOR * mean } else { 1.0 };
-        importance.iter_mut().zip(candidates).for_each(|(importance, candidate)| {
-            *importance = if candidate.threshold.is_none() { f32::INFINITY } else { *importance + floor };
-        });
         importance
     }
 }
 
 /// What importances are to be multiplied with for so many candidates to be kept in the mean, when none can be kept with a
-/// probability of more than one. Those of infinite importance are kept and do not count.
-fn scale(importance: &[f32], budget: f32) -> f32 {
-    let mut sorted: Vec<f32> = importance.iter().copied().filter(|i| i.is_finite()).collect();
-    sorted.sort_unstable_by(|a, b| b.total_cmp(a));
-    let mut rest: f64 = sorted.iter().map(|&i| f64::from(i)).sum();
+/// probability of more than one.
+fn scale(mut importance: Vec<f32>, budget: f32) -> f32 {
+    importance.sort_unstable_by(|a, b| b.total_cmp(a));
+    let mut rest: f64 = importance.iter().map(|&i| f64::from(i)).sum();
     let mut budget = f64::from(budget);
-    for &largest in &sorted {
+    for &largest in &importance {
         let scale = budget / rest;
         if scale * f64::from(largest) <= 1.0 {
             return scale as f32;
@@ -148,13 +168,13 @@ mod tests {
 
     #[test]
     fn probabilities_add_up_to_the_budget() {
-        let importance = [1.0, 2.0, 100.0, 0.5, 3.0, f32::INFINITY, 0.1, 7.0];
+        let importance = vec![1.0, 2.0, 100.0, 0.5, 3.0, 0.1, 7.0];
         for budget in [1.0, 2.0, 4.5, 6.0] {
-            let scale = scale(&importance, budget);
-            let sum: f32 = importance.iter().filter(|i| i.is_finite()).map(|i| (scale * i).min(1.0)).sum();
+            let scale = scale(importance.clone(), budget);
+            let sum: f32 = importance.iter().map(|i| (scale * i).min(1.0)).sum();
             assert!((sum - budget).abs() < 1e-4, "{budget}: {sum}");
         }
-        assert_eq!(scale(&importance, 7.0), f32::INFINITY);
-        assert_eq!(scale(&importance, 9.0), f32::INFINITY);
+        assert_eq!(scale(importance.clone(), 7.0), f32::INFINITY);
+        assert_eq!(scale(importance, 9.0), f32::INFINITY);
     }
 }

@@ -68,7 +68,7 @@ impl Default for IgiSettings {
             paths: 8,
             interleave: [3, 3],
             filter: true,
-            clamp: 8.0,
+            clamp: 4.0,
             compensate: true,
             importance: true,
             first_pass: 0,
@@ -205,16 +205,17 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         (walk.lighting.gathered, traced)
     }
 
-    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for, and, if there is a
-    /// history, what it is to remember. `gathered` is the whole picture, row by row. Only the first passes are filtered, so
-    /// that what the filter gets wrong vanishes as more follow.
+    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for. `gathered` is the whole
+    /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
+    /// What a history is to remember of the row is put into `remembered`, if there is to be one; `history` is the one before.
     pub fn row(
         &self,
         gathered: &[Gathered],
         (width, height): (u32, u32),
         y: u32,
         history: Option<&History>,
-    ) -> Vec<(Vec3, Remembered)> {
+        mut remembered: Option<&mut Vec<Remembered>>,
+    ) -> Vec<Vec3> {
         let filtered = self.igi.filter && self.sample() < FILTERED_PASSES;
         let window = Window {
             pixels: gathered,
@@ -225,12 +226,13 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         };
         let pixel = |x| {
             let point = &gathered[(y * width + x) as usize];
-            let light = window.light(x, y);
-            let remembered = match history {
-                Some(history) => history.blend(point, light),
-                None => Remembered::first(point, light),
-            };
-            (point.other + remembered.reflected(point.albedo), remembered)
+            let mut light = window.light(x, y);
+            if let Some(remembered) = &mut remembered {
+                let memory = Remembered::of(point, light, history);
+                light = memory.light();
+                remembered.push(memory);
+            }
+            point.other + light.reflected(point.albedo)
         };
         (0..width).map(pixel).collect()
     }

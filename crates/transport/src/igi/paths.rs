@@ -5,13 +5,12 @@
 
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::color::luminance;
 use heliostat_shading::sampling::Discrete;
 use heliostat_shading::{
     Arrival, Cone, HitSorter, Sampler, Selection, ShadeScratch, Source, Surface, Surfaces,
 };
 
-use super::vpl::{Candidate, Vpl};
+use super::vpl::{CANDIDATES, Candidate, Vpl};
 use crate::eye::DULL;
 use crate::region::View;
 
@@ -180,8 +179,10 @@ impl<Q: ?Sized> Drawing<'_, Q> {
     }
 
     fn leave(&mut self, source: Source, walker: &Walker) {
-        // The first ones of one block, others of the next: else some of the sequence would never be kept.
-        let shift = walker.block(self.plan).wrapping_mul(GOLDEN) as f32 * (-32_f32).exp2();
+        // The first ones of one block, others of the next: else some of the sequence would never be kept. In such steps
+        // blocks of as many as are kept in the mean are well distributed.
+        let part = walker.block(self.plan).wrapping_mul(GOLDEN) >> (32 - CANDIDATES.ilog2());
+        let shift = part as f32 / CANDIDATES as f32;
         let threshold = ((walker.number as f32 + 0.5) / self.plan.paths as f32 + shift).fract();
         let threshold = Some(threshold);
         let vpl = Vpl { source, bounces: walker.bounces };
@@ -225,7 +226,8 @@ impl<Q: ?Sized> Drawing<'_, Q> {
             weight *= surface.bsdf.transmitted_eta().powi(2);
         }
         if walker.bounces > ROULETTE_FROM {
-            let survival = luminance(weight).clamp(0.05, 0.95);
+            // By the largest channel: no saturated colour is made stronger than it was.
+            let survival = weight.max_element().clamp(0.05, 0.95);
             if u_end >= survival {
                 return false;
             }

@@ -38,17 +38,34 @@ impl Seen {
 }
 
 /// Points all over the picture.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Sight {
     points: Vec<Seen>,
+    /// Rays traced.
+    pub(super) traced: u64,
+}
+
+/// Scratch space for asking which points a source lights.
+#[derive(Debug)]
+pub(super) struct Asking {
     tile: Tile,
     /// Which of them a source would light if nothing stood between, and how.
     lit: Vec<(usize, f32)>,
     rays: Vec<Ray>,
     occluded: Vec<bool>,
     filtered: Vec<bool>,
-    /// Rays traced.
-    pub(super) traced: u64,
+}
+
+impl Default for Asking {
+    fn default() -> Self {
+        Self {
+            tile: Tile::new(Vec3::ZERO),
+            lit: Vec::new(),
+            rays: Vec::new(),
+            occluded: Vec::new(),
+            filtered: Vec::new(),
+        }
+    }
 }
 
 struct EyeRay {
@@ -69,15 +86,7 @@ impl Sight {
             EyeRay { sampler, ray: Ray::new(camera.origin, camera.direction), weight: 1.0, edges: 0 }
         };
         let mut eyes: Vec<EyeRay> = (0..RAYS).map(start).collect();
-        let mut sight = Self {
-            points: Vec::new(),
-            tile: Tile::new(Vec3::ZERO),
-            lit: Vec::new(),
-            rays: Vec::new(),
-            occluded: Vec::new(),
-            filtered: Vec::new(),
-            traced: 0,
-        };
+        let mut sight = Self::default();
         let mut hits = Vec::new();
         while !eyes.is_empty() {
             let rays: Vec<Ray> = eyes.iter().map(|eye| eye.ray).collect();
@@ -143,19 +152,22 @@ impl Sight {
         let arrived = rays.iter().zip(&hits).zip(&self.points).filter(|((_, hit), _)| hit.is_hit());
         arrived.filter_map(seen).collect()
     }
+}
 
+impl Asking {
     /// Luminance of the irradiance that a source causes at every point that it reaches: `deliver` is called with both.
+    /// Returns the number of rays. `points` fit into a tile.
     pub(super) fn light<Q: RayQuery + ?Sized>(
         &mut self,
         view: &View<'_, Q>,
-        source: &Source,
+        (points, source): (&[Seen], &Source),
         mut deliver: impl FnMut(usize, f32),
-    ) {
+    ) -> u64 {
         self.lit.clear();
         self.rays.clear();
         let origin = source.origin();
         self.tile.restart(origin.unwrap_or_default());
-        for (index, point) in self.points.iter().enumerate() {
+        for (index, point) in points.iter().enumerate() {
             let light = source.light(point.position);
             let cos = point.normal.dot(light.wi).max(0.0);
             let irradiance = luminance(light.radiance) * light.facing * cos;
@@ -170,7 +182,7 @@ impl Sight {
         }
         let Self { lit, occluded, filtered, tile, rays, .. } = self;
         if lit.is_empty() {
-            return;
+            return 0;
         }
         for flags in [&mut *occluded, &mut *filtered] {
             flags.clear();
@@ -183,8 +195,8 @@ impl Sight {
             (true, true) => view.query.occluded_tile_through(tile, view.scene, occluded, filtered),
             (true, false) => view.query.occluded_through(rays, view.scene, occluded, filtered),
         }
-        self.traced += lit.len() as u64;
-        let lit = lit.iter().zip(occluded).filter(|(_, occluded)| !**occluded);
-        lit.for_each(|(&(index, irradiance), _)| deliver(index, irradiance));
+        let open = lit.iter().zip(occluded).filter(|(_, occluded)| !**occluded);
+        open.for_each(|(&(index, irradiance), _)| deliver(index, irradiance));
+        lit.len() as u64
     }
 }

@@ -17,7 +17,7 @@ use crate::region::View;
 /// Keeps the numbers of short rays apart from those of light paths.
 const SHORT_RAYS: u32 = 0x7368_6f72;
 /// Candidates for each virtual point light that is kept.
-const CANDIDATES: u32 = 8;
+pub(super) const CANDIDATES: u32 = 8;
 /// Pairs of candidates and points that they are compared at.
 const MOST_PAIRS: usize = 1 << 20;
 
@@ -54,6 +54,11 @@ impl Candidate {
     /// One that is kept in any case.
     pub(super) fn certain(vpl: Vpl, set: u32) -> Self {
         Self { vpl, set, threshold: None }
+    }
+
+    /// Whether it is on a light.
+    pub(super) fn is_direct(&self) -> bool {
+        self.vpl.bounces == 0
     }
 }
 
@@ -94,14 +99,13 @@ impl VplSets {
         let lights = if plan.importance { lights::choice(view, &mut sight, &plan.paths) } else { None };
         let (candidates, mut rays) = paths::draw(view, &paths, lights.as_ref());
         sight.keep((MOST_PAIRS / candidates.len().max(1)).max(1));
-        let contributions = Contributions::new(view, &candidates, &mut sight);
-        rays += sight.traced;
+        let (contributions, traced) = Contributions::new(view, &candidates, &sight);
+        rays += sight.traced + traced;
         // Of the light of one set, from those candidates that will be kept.
         let typical = contributions.typical() / sets as f32;
         let bound = bound(&candidates, typical, plan.clamp) / times as f32;
         let factors = if plan.importance {
-            let budget = candidates.iter().filter(|c| c.threshold.is_some()).count() as f32 / times as f32;
-            contributions.choose(&candidates, &sight, (bound, budget))
+            contributions.choose(&candidates, &sight, (bound, times as f32))
         } else {
             vec![1.0; candidates.len()]
         };
