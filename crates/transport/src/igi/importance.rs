@@ -77,6 +77,21 @@ impl Contributions {
         if count > 0.0 { (sum / count).exp() } else { 0.0 }
     }
 
+    /// Strength that is typical of the candidates on surfaces, each as important as what it adds to the points: the geometric
+    /// mean, which a few strong ones from lights that are seldom chosen do not shift by much. Zero if none adds anything.
+    pub(super) fn typical_strength(&self, candidates: &[Candidate]) -> f32 {
+        let (mut sum, mut weights) = (0.0, 0.0_f32);
+        for &(index, point, irradiance) in &self.added {
+            let strength = candidates[index as usize].vpl.strength();
+            let weight = irradiance / self.total[point as usize];
+            if strength.is_finite() && strength > 0.0 && weight.is_finite() {
+                sum += weight * strength.ln();
+                weights += weight;
+            }
+        }
+        if weights > 0.0 { (sum / weights).exp() } else { 0.0 }
+    }
+
     /// By how much each candidate is to be multiplied, 0 for those that are not kept: one of `times` in the mean. `bound`
     /// limits geometric terms.
     ///

@@ -101,9 +101,10 @@ impl VplSets {
         sight.keep((MOST_PAIRS / candidates.len().max(1)).max(1));
         let (contributions, traced) = Contributions::new(view, &candidates, &sight);
         rays += sight.traced + traced;
-        // Of the light of one set, from those candidates that will be kept.
-        let typical = contributions.typical() / sets as f32;
-        let bound = bound(&candidates, typical, plan.clamp) / times as f32;
+        // One of typical strength, when it is kept, adds `clamp` times the typical light of a set.
+        let strength = contributions.typical_strength(&candidates) * times as f32;
+        let limit = plan.clamp * contributions.typical() / (sets as f32 * strength);
+        let bound = if limit > 0.0 { limit } else { f32::INFINITY };
         let factors = if plan.importance {
             contributions.choose(&candidates, &sight, (bound, times as f32))
         } else {
@@ -118,12 +119,4 @@ impl VplSets {
         let candidates = candidates.into_iter().map(|candidate| candidate.vpl).collect();
         Self { sets: kept, candidates, bound, points, rays }
     }
-}
-
-/// A bound of the geometric term with which the patch of mean strength adds `clamp` times `typical`, in 1/m².
-fn bound(candidates: &[Candidate], typical: f32, clamp: f32) -> f32 {
-    let strengths = candidates.iter().map(|candidate| candidate.vpl.strength()).filter(|s| s.is_finite());
-    let (sum, count) = strengths.fold((0.0, 0.0), |(sum, count), strength| (sum + strength, count + 1.0));
-    let limit = clamp * typical * count / sum;
-    if limit > 0.0 { limit } else { f32::INFINITY }
 }
