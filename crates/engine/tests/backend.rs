@@ -227,6 +227,8 @@ fn diffuse_override_removes_gloss_and_nothing_else() {
 fn a_shader_can_take_the_place_of_all_others() {
     let mut engine = engine(2);
     let mut request = request("cast");
+    // One sample: the mean of several colours is not the colour of the mean.
+    request.samples = 1;
     request.planes = vec![Plane::Normal, Plane::Alpha];
     let shader = ShaderUse::named("show-normal");
     request.materials = MaterialOverride::Shader { shader, mirrors: false };
@@ -236,8 +238,7 @@ fn a_shader_can_take_the_place_of_all_others() {
     let mut seen = 0;
     for (i, color) in frame.color.iter().enumerate().filter(|(i, _)| alpha[*i] == 1.0) {
         let expected = Vec3::from_slice(&normals[3 * i..]);
-        // Where samples lie on several surfaces, the mean of colours is not the colour of the mean.
-        if (expected.length() - 1.0).abs() < 1e-5 && expected.min_element() > -0.8 {
+        if expected.min_element() > -0.8 {
             assert!(color.distance(expected.to_array().map(decoded).into()) < 1e-2, "{color} {expected}");
             seen += 1;
         }

@@ -149,7 +149,7 @@ fn photons_bring_the_light_of_mirrors_and_glass() {
         let options = IgiOptions { paths: 24, filter: false, ..IgiOptions::default() };
         let reference = reference(&mut engine, &request(1, options), 512);
         let all = |frame: &Frame| mean_of(frame, 0..60, 16..60);
-        let frame = render(&mut engine, &request(24, options));
+        let frame = render(&mut engine, &request(64, options));
         assert_close(all(&frame), all(&reference), 0.015, name);
         let without = render(&mut engine, &request(16, IgiOptions { photons: 0, ..options }));
         assert!(all(&without).y < (1.0 - share) * all(&reference).y, "{name}: {}", all(&without));
@@ -250,9 +250,11 @@ fn paths_start_at_the_lights_that_matter() {
     let reference = reference(&mut self::engine(alone, 2), &request(1, few), 256);
     let with = render(&mut engine, &request(1, few));
     let without = render(&mut engine, &request(1, IgiOptions { importance: false, ..few }));
-    assert_close(mean_of(&with, 0..60, 16..60), mean_of(&reference, 0..60, 16..60), 0.1, "one frame");
+    let mean = mean_of(&render(&mut engine, &request(32, few)), 0..60, 16..60);
+    assert_close(mean, mean_of(&reference, 0..60, 16..60), 0.03, "32 frames");
     let (with, without) = (relative_error(&with, &reference), relative_error(&without, &reference));
-    assert!(with < 0.05 * without, "with importance {with}, without {without}");
+    // Steps along edges are in both.
+    assert!(with < 0.2 * without, "with importance {with}, without {without}");
 }
 
 #[test]

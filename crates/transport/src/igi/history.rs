@@ -21,6 +21,8 @@ use super::discontinuity::Light;
 const MOST_FRAMES: f32 = 16.0;
 /// The same for light that mirrors more or less, which depends on where it is seen from.
 const MOST_GLOSSY_FRAMES: f32 = 4.0;
+/// Pictures after an edit of which the past counts as one frame: old light halves with each.
+const DOUBTED_FRAMES: u32 = 8;
 /// Normals may differ by this much: cosine.
 const LEAST_COSINE: f32 = 0.9;
 /// A point may lie off the tangent plane by this share of its distance from the camera.
@@ -59,37 +61,40 @@ pub struct History {
     camera: CameraRays,
     size: (u32, u32),
     pixels: Vec<Remembered>,
-    /// Pictures since the last edit.
+    /// Pictures so far, but for those of which the past is in doubt.
     frames: u32,
+    /// Pictures still to come of which the past is in doubt.
+    doubt: u32,
 }
 
 impl History {
     /// After the first picture. `pixels` row by row.
     pub fn new(camera: CameraRays, size: (u32, u32), pixels: Vec<Remembered>) -> Self {
-        Self { camera, size, pixels, frames: 1 }
+        Self { camera, size, pixels, frames: 1, doubt: 0 }
     }
 
     /// After another picture, of any size.
     pub fn advance(&mut self, camera: CameraRays, size: (u32, u32), pixels: Vec<Remembered>) {
-        *self = Self { camera, size, pixels, frames: self.frames.wrapping_add(1) };
+        let frames = if self.doubt > 0 { 0 } else { self.frames.wrapping_add(1) };
+        *self = Self { camera, size, pixels, frames, doubt: self.doubt.saturating_sub(1) };
     }
 
-    /// Pictures since the last edit. Each takes light paths of its own; while edits go on, all take the same, or the little
+    /// Pictures so far. Each takes light paths of its own; but while the past is in doubt all take the same, or the little
     /// that is remembered would let them flicker.
     pub fn frames(&self) -> u32 {
         self.frames
     }
 
-    /// After an edit: all of the past counts as one frame at most.
+    /// After an edit: for some pictures all of the past counts as one frame at most.
     pub fn distrust(&mut self) {
-        self.pixels.iter_mut().for_each(|pixel| pixel.frames = pixel.frames.min(1.0));
-        self.frames = 0;
+        (self.frames, self.doubt) = (0, DOUBTED_FRAMES);
     }
 
     /// The mean of what a point receives and what it has received before.
     fn blend(&self, mut point: Remembered) -> Remembered {
         if let Some((before, frames)) = self.look_up(&point) {
-            point.frames = (frames + 1.0).min(MOST_FRAMES);
+            let most = if self.doubt > 0 { 2.0 } else { MOST_FRAMES };
+            point.frames = (frames + 1.0).min(most);
             let mix = |before: Vec3, now: Vec3, most: f32| before + (now - before) / point.frames.min(most);
             point.light = Light {
                 irradiance: mix(before.irradiance, point.light.irradiance, MOST_FRAMES),
