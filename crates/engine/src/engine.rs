@@ -72,6 +72,8 @@ pub struct Engine {
     pool: rayon::ThreadPool,
     /// What the frame before has seen, if frames are to go on from each other.
     history: Option<History>,
+    /// What the materials were overridden with in the last picture.
+    overridden: MaterialOverride,
 }
 
 impl std::fmt::Debug for Engine {
@@ -107,7 +109,16 @@ impl Engine {
             .map_err(|error| BackendError::Failed(format!("cannot start {threads} threads: {error}")))?;
         let compiled = Compiled::new(&options, shaders.clone());
         let pixel_shaders = PixelRegistry::built_in();
-        Ok(Self { scene: Scene::default(), compiled, options, shaders, pixel_shaders, pool, history: None })
+        Ok(Self {
+            scene: Scene::default(),
+            compiled,
+            options,
+            shaders,
+            pixel_shaders,
+            pool,
+            history: None,
+            overridden: MaterialOverride::None,
+        })
     }
 
     /// Replaces the pixel shaders that requests may name; the default is those that come with the engine.
@@ -297,6 +308,10 @@ impl Backend for Engine {
         let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
         let film = Film::new(request, &post::planes(request, &pixel_shaders));
         let mut history = self.history.take();
+        if self.overridden != request.materials {
+            self.overridden = request.materials.clone();
+            history.iter_mut().for_each(History::distrust);
+        }
         let stats = self.render_frame(request, renderer, &film, &mut history, progress);
         self.history = history;
         let stats = stats?;

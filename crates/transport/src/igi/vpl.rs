@@ -18,6 +18,8 @@ use crate::region::View;
 const SHORT_RAYS: u32 = 0x7368_6f72;
 /// Candidates for each virtual point light that is kept.
 pub(super) const CANDIDATES: u32 = 8;
+/// Where more paths are asked for than these, there are fewer candidates for each.
+const MOST_PATHS: u32 = 1 << 16;
 /// Pairs of candidates and points that they are compared at.
 const MOST_PAIRS: usize = 1 << 20;
 
@@ -93,7 +95,8 @@ impl VplSets {
         let PathPlan { sets, pass, seed, .. } = plan.paths;
         let point = |set| Sampler::along(pass.wrapping_mul(sets).wrapping_add(set), seed ^ SHORT_RAYS).set(0);
         let points = (0..sets).map(point).collect();
-        let times = if plan.importance { CANDIDATES } else { 1 };
+        let most = (MOST_PATHS / (plan.paths.paths * sets).max(1)).clamp(1, CANDIDATES);
+        let times = if plan.importance { most } else { 1 };
         let paths = PathPlan { paths: plan.paths.paths * times, ..plan.paths };
         let mut sight = Sight::new(view, seed.wrapping_add(pass));
         let lights = if plan.importance { lights::choice(view, &mut sight, &plan.paths) } else { None };
