@@ -189,7 +189,7 @@ mod tests {
             let sum: f32 = importance.iter().map(|i| (scale * i).min(1.0)).sum();
             assert!((sum - budget).abs() < 1e-4, "{budget}: {sum}");
         }
-        assert_eq!(scale(importance.clone(), 7.0), f32::INFINITY);
-        assert_eq!(scale(importance, 9.0), f32::INFINITY);
+        // As many as there are, or more: all are kept.
+        assert!([7.0, 9.0].into_iter().all(|budget| scale(importance.clone(), budget) * 0.1 >= 1.0));
     }
 }
