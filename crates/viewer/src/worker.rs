@@ -355,8 +355,8 @@ impl Worker {
         if !still {
             request.igi.paths = self.governor.paths(stage.goal, request.igi.paths);
         }
-        // What has moved goes on from the picture before; the first better one does, too, so that nothing jumps.
-        request.igi.accumulate = number == 0;
+        // What moves goes on from the picture before; better ones show nothing that an edit has made untrue.
+        request.igi.accumulate = !still;
         request.igi.first_pass = number;
         let progress = Arc::new(Progress::new());
         // Whatever input stops a better picture makes a moving one, which nothing stops: there is always something to see.
