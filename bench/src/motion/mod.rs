@@ -5,6 +5,7 @@ mod edits;
 mod grouping;
 mod instancing;
 mod objects;
+mod opened;
 mod play;
 
 pub(crate) use play::camera;
@@ -57,6 +58,12 @@ pub(crate) enum Command {
         #[arg(long, default_value_t = 7)]
         runs: usize,
     },
+    /// Heaps of overlapping things, opened in the tree over them where the kernel chooses to, against the same kept closed
+    Opened {
+        /// Repetitions, of which the median counts
+        #[arg(long, default_value_t = 7)]
+        runs: usize,
+    },
     /// Plays a scene's animation and times update and picture, frame by frame
     Play {
         /// A file or the name of a built-in scene
@@ -80,6 +87,7 @@ pub(crate) fn run(command: &Command) -> Result<(), String> {
         Command::Grouping(arguments) => grouping::run(arguments),
         Command::Instancing { plot, runs } => instancing::run(plot.as_deref(), *runs),
         Command::Objects { scene, count, turned, runs } => objects::run(scene, *count, *turned, *runs),
+        Command::Opened { runs } => opened::run(*runs),
         Command::Play { scene, frames, plot, renderer } => {
             play::run(scene, *frames, renderer, plot.as_deref())
         }

@@ -73,13 +73,6 @@ fn walks(object: &Object, rays: &[Ray], tile: &Tile) -> Vec<[Vec<Hit>; 3]> {
     Isa::available().into_iter().map(on).collect()
 }
 
-/// Tiles, which take rays along as many as there are, meet another triangle only where a ray passes within rounding of an
-/// edge: there the tile's own test of triangles and that of single rays, which a few go on with, may differ.
-fn assert_alike(a: &[Hit], b: &[Hit]) {
-    let others = a.iter().zip(b).filter(|(a, b)| a != b).count();
-    assert!(others * 100 <= a.len(), "{others} of {}", a.len());
-}
-
 #[test]
 fn heaps_are_opened_and_answers_stay() {
     for round in 0..hunt(1) {
@@ -95,10 +88,7 @@ fn heaps_are_opened_and_answers_stay() {
             while tile.push(rng.vec() * 0.7 - tile.origin(), f32::INFINITY).is_some() {}
             let rays: Vec<_> = (0..2000).map(|_| Ray::new(rng.vec() * 1.5, rng.vec())).collect();
             let (opened, whole) = (walks(&heap, &rays, &tile), walks(&whole, &rays, &tile));
-            for (opened, whole) in opened.iter().zip(&whole) {
-                assert_eq!(opened[..2], whole[..2]);
-                assert_alike(&opened[2], &whole[2]);
-            }
+            assert_eq!(opened, whole);
             assert!(opened[0].iter().all(|hits| hits.iter().filter(|hit| hit.is_hit()).count() > 20));
             // Moved, all or a few: the parts move along.
             let mut changes = Vec::new();

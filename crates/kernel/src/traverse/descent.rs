@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 
 use super::{
     Within, batch,
-    instances::{self, carry_normal},
+    instances::{self, carried},
     packet::{Octant, Packet, Visit},
     settle::{LANES, MeshOf},
     stack::Stack,
@@ -194,7 +194,7 @@ fn enter<S: Simd, const ANY: bool>(
     if !ANY {
         for lane in lanes(found) {
             let hit = answers.of(lane);
-            hit.ng = carry_normal(&placed.normal_from_object, hit.ng);
+            hit.ng = carried(placed, hit.ng);
         }
     }
     found

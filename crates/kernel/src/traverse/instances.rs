@@ -183,13 +183,11 @@ fn enter_closest<S: Simd>(
     hit: &mut Hit,
     stack: &mut Stack,
 ) -> bool {
-    let moved;
-    let (object_from_parent, normal_from_object) = if placed.instance.motion.is_none() {
-        (&placed.object_from_parent, &placed.normal_from_object)
-    } else {
-        moved = placed.at(ray.time);
-        let Some((object_from_parent, normal_from_object)) = &moved else { return false };
-        (object_from_parent, normal_from_object)
+    let moved = placed.instance.motion.and_then(|_| placed.at(ray.time));
+    let object_from_parent = match &moved {
+        Some((object_from_parent, _)) => object_from_parent,
+        None if placed.instance.motion.is_none() => &placed.object_from_parent,
+        None => return false,
     };
     let Some(local) = ray.transformed(object_from_parent) else { return false };
     let path = PathId(path.0 + placed.path_offset);
@@ -199,14 +197,23 @@ fn enter_closest<S: Simd>(
         || closest(simd, (object, start), &local, path, hit, stack),
     );
     if found {
-        hit.ng = carry_normal(normal_from_object, hit.ng);
+        hit.ng = match &moved {
+            Some((_, normal_from_object)) => carry_normal(normal_from_object, hit.ng),
+            None => carried(placed, hit.ng),
+        };
     }
     found
 }
 
+/// A unit normal of what is placed, one level up; nothing moves.
+#[inline(always)]
+pub(super) fn carried(placed: &PlacedInstance, ng: Vec3) -> Vec3 {
+    if placed.only_moved { ng } else { carry_normal(&placed.normal_from_object, ng) }
+}
+
 /// A unit normal one level up.
 #[inline(always)]
-pub(super) fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
+fn carry_normal(normal_from_object: &Mat3A, ng: Vec3) -> Vec3 {
     let n = *normal_from_object * Vec3A::from(ng);
     // Scaling by the largest entry first keeps the squares in range for any placement.
     let largest = n.abs().max_element();

@@ -400,7 +400,7 @@ impl Packet {
         let mut limit = f32x16::load_array_ref(simd, &self.limit);
         let mut id = u32x16::load_array_ref(simd, &self.id);
         let zero = f32x16::splat(simd, 0.0);
-        let (mut next, mut tied) = (WIDTH, 0);
+        let (mut next, mut tied, mut distance) = (WIDTH, 0, zero);
         for lane in first..WIDTH {
             if triangles.triangle[lane] == Block::NO_TRIANGLE {
                 break;
@@ -422,13 +422,15 @@ impl Packet {
             let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
             let t = depth / (u + v + w);
             let inside = inside & t.simd_gt(t_min);
-            let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit) };
+            let close = limit * settle::CLOSE;
+            let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit - close) };
             if PAST && passed >> lane & 1 != 0 {
                 self.met |= hit.to_bitmask() as u16;
                 continue;
             }
             if !ANY {
-                tied = (inside & t.simd_eq(limit)).to_bitmask() as u16;
+                tied = (inside & !hit & t.simd_le(limit + close)).to_bitmask() as u16;
+                distance = t;
             }
             limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
             id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
@@ -443,19 +445,29 @@ impl Packet {
         self.limit = limit.into();
         self.id = id.into();
         if tied != 0 {
-            self.choose(bvh, tied, (block * WIDTH + next - 1) as u32);
+            self.choose(simd, bvh, tied, (block * WIDTH + next - 1) as u32, &distance.into());
         }
         next
     }
 
-    /// Gives triangle `id` to those lanes in `tied`, where it is as near as what they have, that keep it.
+    /// Gives triangle `id`, which is met at the distances `t`, to those lanes in `close` that have nothing nearer: about
+    /// as near they have another one, or their end.
     #[cold]
     #[inline(never)]
-    fn choose(&mut self, bvh: &TriangleBvh, tied: u16, id: u32) {
-        let mut rest = single::yielding(bvh.blocks(), &self.id, tied, id);
+    fn choose<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, close: u16, id: u32, t: &Lanes) {
+        let mut rest = close;
         while rest != 0 {
-            self.id[(rest.trailing_zeros() & 15) as usize] = id;
+            let lane = (rest.trailing_zeros() & 15) as usize;
             rest &= rest - 1;
+            let nearest = if self.id[lane] == Self::NONE {
+                t[lane] <= self.limit[lane]
+            } else {
+                t[lane] <= self.end[lane]
+                    && settle::precedes(simd, bvh.blocks(), &self.ray(lane), id, self.id[lane])
+            };
+            if nearest {
+                (self.id[lane], self.limit[lane]) = (id, t[lane]);
+            }
         }
     }
 
@@ -504,7 +516,9 @@ impl Packet {
                 continue;
             }
             let bvh = screen.bvh;
-            let found = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
+            let ray = self.ray(lane);
+            let found =
+                single::closest_below(simd, bvh, bvh.blocks(), &ray, &slab, &shear, child, best, stack);
             // Single words that were just written are slow to read with their neighbours.
             if found.id != best.id {
                 (self.limit[lane], self.id[lane]) = (found.t, found.id);

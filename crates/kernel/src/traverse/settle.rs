@@ -5,12 +5,17 @@ use glam::Vec3;
 
 use super::local::LocalRay;
 use crate::{
+    compact::BlockSource,
     layout::WIDTH,
     ray::{Hit, PathId},
     triangle_bvh::TriangleBvh,
 };
 
 pub(super) const LANES: usize = 16;
+
+/// Distances that walks go by are compared in the precise form where they are closer to each other than this share:
+/// roundings of two arithmetics, each below half of it, could tell either way.
+pub(super) const CLOSE: f32 = 1.0 / 16384.0;
 
 pub(super) type Lanes = [f32; LANES];
 pub(super) type Triple<S> = [f32x16<S>; 3];
@@ -101,6 +106,38 @@ pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> H
     };
     let Exact { t, u, v, normal: [x, y, z] } = exact(simd, lanes, &rays);
     Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
+}
+
+/// Whether triangle `id`, `block · 8 + lane`, is the ray's hit rather than triangle `best`: hits are ordered by precise
+/// distance, then by number. Trees with split triangles come here often, with one triangle twice.
+#[cold]
+#[inline(never)]
+pub(super) fn precedes<S: Simd>(
+    simd: S,
+    blocks: impl BlockSource,
+    ray: &LocalRay,
+    id: u32,
+    best: u32,
+) -> bool {
+    let (number, other) = (blocks.number(id), blocks.number(best));
+    if number == other {
+        return false;
+    }
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let (t, best) = (precise(simd, blocks, ray, id), precise(simd, blocks, ray, best));
+            t < best || (t == best && number < other)
+        },
+    )
+}
+
+/// The precise distance of triangle `id`.
+#[inline(always)]
+pub(super) fn precise<S: Simd>(simd: S, blocks: impl BlockSource, ray: &LocalRay, id: u32) -> f32 {
+    let mut place = None;
+    let block = blocks.block(id as usize / WIDTH, &mut place);
+    one(simd, ray, block.corners(id as usize % WIDTH)).t
 }
 
 #[inline(always)]

@@ -3,7 +3,7 @@ use fearless_simd::{f32x8, prelude::*};
 
 use super::{
     local::{LocalRay, behind},
-    settle::LANES,
+    settle::{self, CLOSE},
     shear::Shear,
     slab::Slab,
     stack::Stack,
@@ -33,32 +33,20 @@ impl Best {
         Self { t: limit, id: Self::NONE }
     }
 
-    /// Whether triangle `id` at the same distance is to be kept instead: the one with the lesser number.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn yields_to(self, id: u32, blocks: impl BlockSource) -> bool {
-        self.id == Self::NONE || blocks.number(id) < blocks.number(self.id)
+    /// The last distance at which a triangle may still be the nearest one.
+    #[inline(always)]
+    fn limit(self, ray: &LocalRay) -> f32 {
+        if self.id == Self::NONE { self.t } else { (self.t + self.t * CLOSE).min(ray.end) }
     }
-}
 
-/// The lanes in `tied` that give up the triangles `ids` for triangle `id` at the same distance. Trees with split
-/// triangles come here often, with one triangle twice: lanes mostly have the same.
-#[cold]
-#[inline(never)]
-pub(super) fn yielding(blocks: impl BlockSource, ids: &[u32; LANES], tied: u16, id: u32) -> u16 {
-    let (mut yielding, mut rest) = (0, tied);
-    while rest != 0 {
-        let best = Best { t: 0.0, id: ids[(rest.trailing_zeros() & 15) as usize] };
-        let mut alike = 0;
-        for (lane, &other) in ids.iter().enumerate() {
-            alike |= u16::from(other == best.id) << lane;
+    /// Whether triangle `id` at `t`, up to [`Best::limit`], is to be taken instead.
+    #[inline(always)]
+    fn yields_to<S: Simd>(self, simd: S, blocks: impl BlockSource, ray: &LocalRay, t: f32, id: u32) -> bool {
+        if self.id == Self::NONE || (t - self.t).abs() > self.t * CLOSE {
+            return t <= self.t;
         }
-        if best.yields_to(id, blocks) {
-            yielding |= alike & rest;
-        }
-        rest &= !alike;
+        settle::precedes(simd, blocks, ray, id, self.id)
     }
-    yielding
 }
 
 /// The closest triangle with `t_min < t <= limit` in the subtree `start`.
@@ -77,7 +65,7 @@ pub(super) fn closest<S: Simd>(
     let slab = Slab::new(simd, ray, &bvh.tree);
     let shear = Shear::new(simd, ray);
     let best = Best::up_to(limit);
-    let best = closest_below(simd, bvh, blocks, &slab, &shear, start, best, stack);
+    let best = closest_below(simd, bvh, blocks, ray, &slab, &shear, start, best, stack);
     (best.id != Best::NONE).then_some(best)
 }
 
@@ -91,6 +79,7 @@ pub(super) fn closest_below<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     blocks: impl BlockSource,
+    ray: &LocalRay,
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
@@ -106,7 +95,7 @@ pub(super) fn closest_below<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                closest_in_block(simd, shear, blocks, block, &mut best);
+                closest_in_block(simd, ray, shear, blocks, block, &mut best);
             }
             reach = behind(best.t);
         } else {
@@ -132,12 +121,13 @@ pub(super) fn closest_below<S: Simd>(
 #[inline(always)]
 fn closest_in_block<S: Simd>(
     simd: S,
+    ray: &LocalRay,
     shear: &Shear<S>,
     blocks: impl BlockSource,
     block: usize,
     best: &mut Best,
 ) {
-    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, best.t));
+    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, best.limit(ray)));
     if bits == 0 {
         return;
     }
@@ -146,7 +136,7 @@ fn closest_in_block<S: Simd>(
         let lane = (bits.trailing_zeros() & 7) as usize;
         bits &= bits - 1;
         let id = (block * WIDTH + lane) as u32;
-        if t[lane] < best.t || (t[lane] == best.t && best.yields_to(id, blocks)) {
+        if best.yields_to(simd, blocks, ray, t[lane], id) {
             *best = Best { t: t[lane], id };
         }
     }

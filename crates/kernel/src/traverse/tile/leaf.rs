@@ -3,50 +3,64 @@
 //! Seen from the common origin, the edge functions and the reciprocal depth of a triangle are linear in a ray's
 //! (u, v): a few coefficients per triangle serve all 256 rays. Edge functions are symmetric in the edge's ends,
 //! `e = r · ((b + c) × (c − b))`, which keeps their error near that of the vertices even for small far triangles.
-//! Each gets its own rounding error added, so a ray that is inside is never lost; where two triangles meet they
-//! overlap by that error. Depth comes from the plane, not from the sum of the edge functions, which cancels.
+//! Each gets a bound of its error added, so no ray that a single ray's test lets in is lost. Depth comes from the
+//! plane, not from the sum of the edge functions, which cancels.
+//!
+//! What rounding leaves in doubt (a ray along an edge, a surface about as near as another one or as the ray's end, a
+//! triangle seen along its plane) is decided by the test of single rays. So tiles answer like single rays, bit for bit.
 use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
 
 use super::{
     walk::{BoxRange, Frame, meet},
-    work::{GROUP, Work, mask16},
+    work::{GROUP, Rays, Work},
 };
 use crate::{
-    compact::Blocks,
     layout::{Block, WIDTH},
     through::Screen,
     traverse::{
-        local::REACH,
-        single::{self, Best},
+        local::{LocalRay, REACH},
+        settle::{self, CLOSE},
+        shear::Shear,
     },
 };
 
-/// Rounding error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eight roundings.
-const EDGE_ERROR: f32 = 4.0 * f32::EPSILON;
+/// Error of an edge function relative to the bound Σ|b+c| · Σ|c−b| · max(1, |u|, |v|): eleven roundings, two of which
+/// stand for what the test of single rays lets in beyond the edge.
+const EDGE_ERROR: f32 = 5.5 * f32::EPSILON;
 /// A triangle can matter to a group if its largest reciprocal depth times the group's reach is above this: one, less
 /// the rounding of products that cancel.
 const DEPTH_SLACK: f32 = 1.0 - 1.0e-4;
-/// Triangles whose plane passes the origin within this fraction of their distance are edge-on: thinner than the
-/// overlap of their neighbours, and without a usable depth.
-const EDGE_ON: f32 = 1.0e-6;
+/// Edges that are shorter than this share of their distance are in doubt all over.
+const SHORT: f32 = 32.0 * f32::EPSILON;
+/// Below this, the volume of a triangle with the origin relative to the products it is the sum of, the depth of its plane
+/// is in doubt: its error is some nine roundings over that ratio, and half of [`CLOSE`] is granted.
+const STEEP: f32 = 9.0 * f32::EPSILON / (0.5 * CLOSE);
+/// And below this the side of the plane that the origin is on.
+const EDGE_ON: f32 = 8.0 * f32::EPSILON;
 
 /// Coefficients over (u, v, 1) for 8 triangles.
 #[repr(C, align(64))]
 pub(super) struct Setup {
-    /// `edge[i]`: not negative inside.
+    /// `edge[i]`: not negative inside,
     edge: [[[f32; WIDTH]; 3]; 3],
+    /// and beyond doubt from this on: ∞ for triangles in doubt all over.
+    clear: [f32; WIDTH],
     /// Reciprocal depth.
     depth: [[f32; WIDTH]; 3],
-    /// Reciprocal depths of the farthest and the nearest corner (+∞ if that lies behind the origin): the plane's
-    /// answer, uncertain for triangles seen nearly edge-on, is clamped to them.
+    /// Reciprocal depths of the farthest and the nearest corner (the largest there is, if that lies behind the origin):
+    /// the plane's answer is clamped to them, and is the latter for triangles in doubt.
     depth_range: [[f32; WIDTH]; 2],
 }
 
 type Triple<S> = [f32x8<S>; 3];
 
 impl Setup {
-    pub(super) const EMPTY: Self =
-        Self { edge: [[[0.0; WIDTH]; 3]; 3], depth: [[0.0; WIDTH]; 3], depth_range: [[0.0; WIDTH]; 2] };
+    pub(super) const EMPTY: Self = Self {
+        edge: [[[0.0; WIDTH]; 3]; 3],
+        clear: [0.0; WIDTH],
+        depth: [[0.0; WIDTH]; 3],
+        depth_range: [[0.0; WIDTH]; 2],
+    };
 
     /// Sets up a block; a bit for each triangle that can be seen from the origin within `far`.
     #[inline(always)]
@@ -54,44 +68,43 @@ impl Setup {
         let a = vertex(simd, frame, &block.vertex[0]);
         let b = vertex(simd, frame, &block.vertex[1]);
         let c = vertex(simd, frame, &block.vertex[2]);
-        let zero = f32x8::splat(simd, 0.0);
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
         let nearest = a[2].min(b[2]).min(c[2]);
         let farthest = a[2].max(b[2]).max(c[2]);
         let in_range = nearest.simd_le(f32x8::splat(simd, far)) & farthest.simd_gt(zero);
-
         let (f0, f1, f2) = (sub(c, b), sub(a, c), sub(b, a));
-        let n = cross(f1, f2);
-        let terms = [a[0] * n[0], a[1] * n[1], a[2] * n[2]];
-        let volume = terms[0] + terms[1] + terms[2];
-        let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
-        let seen = in_range & volume.abs().simd_gt(size * EDGE_ON);
-        if seen.to_bitmask() == 0 {
-            return 0;
-        }
-        let sign = f32x8::splat(simd, 1.0).copysign(volume);
-        let inverse = f32x8::splat(simd, 1.0) / volume;
-        for (depth, n) in self.depth.iter_mut().zip(n) {
-            *depth = (n * inverse).into();
-        }
-        let one = f32x8::splat(simd, 1.0);
-        let in_front = nearest.simd_gt(zero);
-        self.depth_range[0] = (one / farthest).into();
-        self.depth_range[1] = in_front.select(one / nearest, f32x8::splat(simd, f32::INFINITY)).into();
+        let (n, products) = cross_and_products(f1, f2);
+        let volume = a[0] * n[0] + a[1] * n[1] + a[2] * n[2];
+        let size = a[0].abs() * products[0] + a[1].abs() * products[1] + a[2].abs() * products[2];
+        let sided = volume.abs().simd_gt(size * EDGE_ON);
         let direction = rect[1].abs().max(rect[0].abs()).max(rect[3].abs()).max(rect[2].abs()).max(1.0);
         let distance = largest(a, b, c, 0) + largest(a, b, c, 1) + largest(a, b, c, 2);
         let error = distance * (2.0 * EDGE_ERROR * direction);
+        let sign = sided.select(one.copysign(volume), zero);
         let [u0, u1, v0, v1] = rect;
-        let mut touching = seen;
+        let mut touching = in_range;
+        let (mut longest, mut shortest) = (zero, f32x8::splat(simd, f32::MAX));
         for (i, (s, f)) in [(add(b, c), f0), (add(c, a), f1), (add(a, b), f2)].into_iter().enumerate() {
             let e = cross(s, f);
             let (eu, ev) = (e[0] * sign, e[1] * sign);
             let length = f[0].abs() + f[1].abs() + f[2].abs();
+            (longest, shortest) = (longest.max(length), shortest.min(length));
             let ek = e[2].mul_add(sign, error * length);
             let most = (eu * u0).max(eu * u1) + (ev * v0).max(ev * v1) + ek;
             touching &= most.simd_ge(zero);
             self.edge[i] = [eu.into(), ev.into(), ek.into()];
         }
-        touching.to_bitmask() as u32
+        let sure = volume.abs().simd_gt(size * STEEP) & shortest.simd_gt(distance * SHORT);
+        self.clear = sure.select(error * (2.0 * longest), f32x8::splat(simd, f32::INFINITY)).into();
+        let behind = f32x8::splat(simd, f32::MAX);
+        let nearest = nearest.simd_gt(zero).select((one / nearest).min(behind), behind);
+        self.depth_range = [sure.select(one / farthest, nearest).into(), nearest.into()];
+        let inverse = one / sure.select(volume, one);
+        for (depth, n) in self.depth.iter_mut().zip(n) {
+            *depth = sure.select(n * inverse, zero).into();
+        }
+        // Two corners in one place: nothing meets that, and empty lanes are of that kind.
+        (touching & shortest.simd_gt(zero)).to_bitmask() as u32
     }
 
     /// The triangles in `bits` that a rectangle of rays may meet.
@@ -138,6 +151,7 @@ impl Setup {
 /// A leaf as a tile sees it.
 pub(super) struct Leaf<'a> {
     frame: &'a Frame,
+    tile: Rays<'a>,
     screen: Screen<'a>,
     /// Groups with a ray that meets the leaf's box, and those rays.
     mask: u16,
@@ -150,13 +164,14 @@ impl<'a> Leaf<'a> {
     pub(super) fn new<S: Simd>(
         simd: S,
         frame: &'a Frame,
+        tile: Rays<'a>,
         screen: Screen<'a>,
         range: &BoxRange,
         mask: u16,
         work: &Work,
     ) -> Self {
         let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
-        Self { frame, screen, mask, rays }
+        Self { frame, tile, screen, mask, rays }
     }
 }
 
@@ -199,7 +214,7 @@ pub(super) fn test_block<S: Simd, const ANY: bool, const PAST: bool>(
     let mut bits = setup.fill(simd, leaf.frame, triangles, rect, work.far);
     if PAST {
         let passed = leaf.screen.passed(&triangles.triangle, bits);
-        note(simd, leaf, work, setup, passed);
+        note(simd, leaf, work, setup, block, passed);
         bits &= !passed;
     }
     if bits == 0 {
@@ -214,7 +229,7 @@ pub(super) fn test_block<S: Simd, const ANY: bool, const PAST: bool>(
 
 /// Notes the rays that meet one of the triangles in `passed`, which let light through; once for each is enough.
 #[inline(always)]
-fn note<S: Simd>(simd: S, leaf: &Leaf<'_>, work: &mut Work, setup: &Setup, passed: u32) {
+fn note<S: Simd>(simd: S, leaf: &Leaf<'_>, work: &mut Work, setup: &Setup, block: usize, passed: u32) {
     let mut mask = leaf.mask;
     for (g, (rays, met)) in leaf.rays.iter().zip(&work.met).enumerate() {
         mask &= !(u16::from(rays & !met == 0) << g);
@@ -227,37 +242,109 @@ fn note<S: Simd>(simd: S, leaf: &Leaf<'_>, work: &mut Work, setup: &Setup, passe
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            work.met[g] |= meeting(simd, work, setup, g, lane);
+            let (met, doubt) = meeting(simd, work, setup, g, lane);
+            work.met[g] |= met;
+            let mut doubt = doubt & !work.met[g];
+            while doubt != 0 {
+                let ray = leaf.tile.ray(g * GROUP + (doubt.trailing_zeros() & 15) as usize);
+                let meets = is_met(simd, leaf, &ray, block, lane);
+                work.met[g] |= u16::from(meets) << (doubt.trailing_zeros() & 15);
+                doubt &= doubt - 1;
+            }
         }
     }
 }
 
-/// The rays of group `g` that meet a triangle nearer than what they have.
+/// The rays of group `g` that meet a triangle nearer than their ends, and those that may.
 #[inline(always)]
-fn meeting<S: Simd>(simd: S, work: &Work, setup: &Setup, g: usize, lane: usize) -> u16 {
+fn meeting<S: Simd>(simd: S, work: &Work, setup: &Setup, g: usize, lane: usize) -> (u16, u16) {
     let (u, v) = (f32x16::load_array_ref(simd, &work.u[g]), f32x16::load_array_ref(simd, &work.v[g]));
     let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
-    let (inside, z) = cross_triangle(simd, setup, lane, [u, v], start);
-    (inside & z.simd_gt(f32x16::load_array_ref(simd, &work.iz[g]))).to_bitmask() as u16
+    let iz = f32x16::load_array_ref(simd, &work.iz[g]);
+    let (least, z) = cross_triangle(simd, setup, lane, [u, v]);
+    let met = met(simd, setup, lane, least, z, [start, iz]).to_bitmask() as u16;
+    let may = least.simd_ge(f32x16::splat(simd, 0.0)) & z.simd_ge(iz * (1.0 - CLOSE));
+    (met, may.to_bitmask() as u16 & !met)
 }
 
-/// Where 16 rays cross the plane of triangle `lane`, as reciprocal depths, and which of them do so inside it and behind
-/// their starts.
+/// Where 16 rays cross the plane of triangle `lane`: the least edge function, not negative inside, and the reciprocal
+/// depth.
 #[inline(always)]
 fn cross_triangle<S: Simd>(
     simd: S,
     setup: &Setup,
     lane: usize,
     [u, v]: [f32x16<S>; 2],
-    start: f32x16<S>,
-) -> (mask32x16<S>, f32x16<S>) {
+) -> (f32x16<S>, f32x16<S>) {
     let e0 = plane(simd, &setup.edge[0], lane, u, v);
     let e1 = plane(simd, &setup.edge[1], lane, u, v);
     let e2 = plane(simd, &setup.edge[2], lane, u, v);
     let farthest = f32x16::splat(simd, setup.depth_range[0][lane & 7]);
     let nearest = f32x16::splat(simd, setup.depth_range[1][lane & 7]);
     let z = plane(simd, &setup.depth, lane, u, v).max(farthest).min(nearest);
-    (e0.min(e1).min(e2).simd_ge(f32x16::splat(simd, 0.0)) & z.simd_lt(start), z)
+    (e0.min(e1).min(e2), z)
+}
+
+/// Those that meet it beyond doubt behind their starts and nearer than `iz`.
+#[inline(always)]
+fn met<S: Simd>(
+    simd: S,
+    setup: &Setup,
+    lane: usize,
+    least: f32x16<S>,
+    z: f32x16<S>,
+    [start, iz]: [f32x16<S>; 2],
+) -> mask32x16<S> {
+    let inside = least.simd_ge(f32x16::splat(simd, setup.clear[lane & 7]));
+    inside & z.simd_gt(iz * (1.0 + CLOSE)) & z.simd_lt(start * (1.0 - CLOSE))
+}
+
+/// Whether a ray meets triangle `lane` of a block, by the test of single rays.
+#[inline(always)]
+fn is_met<S: Simd>(simd: S, leaf: &Leaf<'_>, ray: &LocalRay, block: usize, lane: usize) -> bool {
+    let mut place = None;
+    let triangles = leaf.screen.bvh.blocks().get(block, &mut place);
+    let (_, bits) = Shear::new(simd, ray).test(triangles, f32x8::splat(simd, ray.end));
+    bits >> lane & 1 != 0
+}
+
+/// Decides whether triangle `lane` of a block is to be kept for the rays in `doubt` of group `g`; whether it was for some.
+#[cold]
+#[inline(never)]
+fn settle_doubt<S: Simd, const ANY: bool>(
+    simd: S,
+    leaf: &Leaf<'_>,
+    work: &mut Work,
+    g: usize,
+    doubt: u16,
+    block: usize,
+    lane: usize,
+) -> bool {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let blocks = leaf.screen.bvh.blocks();
+            let id = (block * WIDTH + lane) as u32;
+            let mut changed = false;
+            let mut rest = doubt;
+            while rest != 0 {
+                let r = (rest.trailing_zeros() & 15) as usize;
+                rest &= rest - 1;
+                let (ray, best) = (leaf.tile.ray(g * GROUP + r), work.id[g][r]);
+                let nearest = best == Work::NONE || settle::precedes(simd, blocks, &ray, id, best);
+                if nearest && is_met(simd, leaf, &ray, block, lane) {
+                    changed = true;
+                    work.id[g][r] = id;
+                    work.iz[g][r] = if ANY {
+                        f32::INFINITY
+                    } else {
+                        1.0 / (settle::precise(simd, blocks, &ray, id) * work.scale[g][r])
+                    };
+                }
+            }
+            changed
+        },
+    )
 }
 
 /// Whether the groups have few rays each in the leaf, so that going ray by ray is cheaper.
@@ -280,7 +367,6 @@ fn groups_outside<S: Simd, const ANY: bool>(
     block: usize,
     bits: u32,
 ) -> u16 {
-    let blocks = leaf.screen.bvh.blocks();
     let mut changed = 0;
     let mut rest = leaf.mask;
     while rest != 0 {
@@ -295,7 +381,7 @@ fn groups_outside<S: Simd, const ANY: bool>(
             if rays.count_ones() <= bits.count_ones() {
                 each_ray::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             } else {
-                each_triangle::<S, ANY>(simd, blocks, work, setup, g, bits, block)
+                each_triangle::<S, ANY>(simd, leaf, work, setup, g, bits, block)
             }
         };
         changed |= u16::from(hit) << g;
@@ -313,7 +399,6 @@ fn triangles_outside<S: Simd, const ANY: bool>(
     block: usize,
     bits: u32,
 ) -> u16 {
-    let blocks = leaf.screen.bvh.blocks();
     let mut changed = 0;
     let mut rest = bits;
     while rest != 0 {
@@ -323,7 +408,7 @@ fn triangles_outside<S: Simd, const ANY: bool>(
         while groups != 0 {
             let g = (groups.trailing_zeros() & 15) as usize;
             groups &= groups - 1;
-            let hit = each_triangle::<S, ANY>(simd, blocks, work, setup, g, 1 << lane, block);
+            let hit = each_triangle::<S, ANY>(simd, leaf, work, setup, g, 1 << lane, block);
             changed |= u16::from(hit) << g;
         }
     }
@@ -344,7 +429,7 @@ fn rays_meeting<S: Simd>(simd: S, work: &Work, g: usize, range: &BoxRange, slack
 #[inline(always)]
 fn each_triangle<S: Simd, const ANY: bool>(
     simd: S,
-    blocks: Blocks<'_>,
+    leaf: &Leaf<'_>,
     work: &mut Work,
     setup: &Setup,
     g: usize,
@@ -353,55 +438,39 @@ fn each_triangle<S: Simd, const ANY: bool>(
 ) -> bool {
     let mut changed = false;
     let mut rest = bits;
-    // Left for a tie, and begun anew behind it: a call inside would cost the loop its registers.
+    // Left for what is in doubt, and begun anew behind it: a call inside would cost the loop its registers.
     while rest != 0 {
         let u = f32x16::load_array_ref(simd, &work.u[g]);
         let v = f32x16::load_array_ref(simd, &work.v[g]);
         let start = f32x16::load_array_ref(simd, &work.iz_start[g]);
         let mut iz = f32x16::load_array_ref(simd, &work.iz[g]);
         let mut id = u32x16::load_array_ref(simd, &work.id[g]);
-        let mut any = mask16(simd, 0);
-        let (mut tied, mut number) = (0, 0);
-        while rest != 0 && tied == 0 {
-            let lane = (rest.trailing_zeros() & 7) as usize;
+        let (mut any, mut doubt, mut lane) = (0, 0, 0);
+        while rest != 0 && doubt == 0 {
+            lane = (rest.trailing_zeros() & 7) as usize;
             rest &= rest - 1;
-            let (inside, z) = cross_triangle(simd, setup, lane, [u, v], start);
-            let hit = inside & z.simd_gt(iz);
-            number = (block * WIDTH + lane) as u32;
-            any |= hit;
-            if ANY {
-                iz = hit.select(f32x16::splat(simd, f32::INFINITY), iz);
-            } else {
-                tied = (inside & z.simd_eq(iz)).to_bitmask() as u16;
-                iz = hit.select(z, iz);
+            let (least, z) = cross_triangle(simd, setup, lane, [u, v]);
+            let may = least.simd_ge(f32x16::splat(simd, 0.0)) & z.simd_ge(iz * (1.0 - CLOSE));
+            let may = may.to_bitmask() as u16;
+            if may == 0 {
+                continue;
             }
-            id = hit.select(u32x16::splat(simd, number), id);
+            let hit = met(simd, setup, lane, least, z, [start, iz]);
+            any |= hit.to_bitmask() as u16;
+            doubt = may & !(hit.to_bitmask() as u16);
+            iz = hit.select(if ANY { f32x16::splat(simd, f32::INFINITY) } else { z }, iz);
+            id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
         }
-        if any.to_bitmask() != 0 {
+        if any != 0 {
             work.iz[g] = iz.into();
             work.id[g] = id.into();
             changed = true;
         }
-        if tied != 0 {
-            choose(blocks, &mut work.id[g], tied, number);
+        if doubt != 0 {
+            changed |= settle_doubt::<S, ANY>(simd, leaf, work, g, doubt, block, lane);
         }
     }
     changed
-}
-
-/// Gives triangle `number` to those lanes in `tied`, where it is as near as what they have, that keep it. (What has
-/// nothing at that depth ends there.)
-#[cold]
-#[inline(never)]
-fn choose(blocks: Blocks<'_>, ids: &mut [u32; GROUP], tied: u16, number: u32) {
-    let mut rest = single::yielding(blocks, ids, tied, number);
-    while rest != 0 {
-        let id = &mut ids[(rest.trailing_zeros() & 15) as usize];
-        rest &= rest - 1;
-        if *id != Work::NONE {
-            *id = number;
-        }
-    }
 }
 
 /// 8 triangles in lanes, one ray after the other: for the few rays of a scattered group.
@@ -419,6 +488,7 @@ fn each_ray<S: Simd, const ANY: bool>(
     let depth = load(simd, &setup.depth);
     let farthest = f32x8::load_array_ref(simd, &setup.depth_range[0]);
     let nearest = f32x8::load_array_ref(simd, &setup.depth_range[1]);
+    let clear = f32x8::load_array_ref(simd, &setup.clear);
     let zero = f32x8::splat(simd, 0.0);
     let mut any = false;
     let mut rest = leaf.rays[g];
@@ -430,41 +500,36 @@ fn each_ray<S: Simd, const ANY: bool>(
         let e1 = edge[1][0].mul_add(u, edge[1][1].mul_add(v, edge[1][2]));
         let e2 = edge[2][0].mul_add(u, edge[2][1].mul_add(v, edge[2][2]));
         let z = depth[0].mul_add(u, depth[1].mul_add(v, depth[2])).max(farthest).min(nearest);
-        let so_far = f32x8::splat(simd, work.iz[g][r]);
-        let nearer = if ANY { z.simd_gt(so_far) } else { z.simd_ge(so_far) };
-        let hit =
-            e0.min(e1).min(e2).simd_ge(zero) & nearer & z.simd_lt(f32x8::splat(simd, work.iz_start[g][r]));
-        let mut hits = hit.to_bitmask() as u32 & bits;
-        if hits == 0 {
+        let least = e0.min(e1).min(e2);
+        let so_far = f32x8::splat(simd, work.iz[g][r] * (1.0 - CLOSE));
+        let may = least.simd_ge(zero) & z.simd_ge(so_far);
+        let mut may = may.to_bitmask() as u32 & bits;
+        if may == 0 {
             continue;
         }
-        if ANY {
-            any = true;
-            work.iz[g][r] = f32::INFINITY;
-            work.id[g][r] = 0;
-            continue;
-        }
+        let start = f32x8::splat(simd, work.iz_start[g][r] * (1.0 - CLOSE));
+        let sure = (least.simd_ge(clear) & z.simd_lt(start)).to_bitmask() as u32;
         let z: [f32; 8] = z.into();
-        while hits != 0 {
-            let lane = (hits.trailing_zeros() & 7) as usize;
-            hits &= hits - 1;
-            let (id, so_far) = ((block * WIDTH + lane) as u32, work.iz[g][r]);
-            if z[lane] > so_far || (z[lane] == so_far && yields(leaf.screen.bvh.blocks(), work.id[g][r], id))
-            {
+        while may != 0 {
+            let lane = (may.trailing_zeros() & 7) as usize;
+            may &= may - 1;
+            let so_far = work.iz[g][r];
+            if z[lane] < so_far * (1.0 - CLOSE) {
+                continue;
+            }
+            if sure >> lane & 1 != 0 && z[lane] > so_far * (1.0 + CLOSE) {
                 any = true;
-                work.iz[g][r] = z[lane];
-                work.id[g][r] = id;
+                work.iz[g][r] = if ANY { f32::INFINITY } else { z[lane] };
+                work.id[g][r] = (block * WIDTH + lane) as u32;
+            } else {
+                any |= settle_doubt::<S, ANY>(simd, leaf, work, g, 1 << r, block, lane);
+            }
+            if ANY && work.iz[g][r] == f32::INFINITY {
+                break;
             }
         }
     }
     any
-}
-
-/// Whether triangle `id` is to be kept instead of one at the same depth; instead of none it is not, as that depth is then
-/// the ray's end.
-#[cold]
-fn yields(blocks: Blocks<'_>, before: u32, id: u32) -> bool {
-    before != Work::NONE && Best { t: 0.0, id: before }.yields_to(id, blocks)
 }
 
 /// A linear function of (u, v) with the coefficients of one lane.
@@ -507,6 +572,17 @@ fn sub<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
 #[inline(always)]
 fn cross<S: Simd>(a: Triple<S>, b: Triple<S>) -> Triple<S> {
     [a[1].mul_sub(b[2], a[2] * b[1]), a[2].mul_sub(b[0], a[0] * b[2]), a[0].mul_sub(b[1], a[1] * b[0])]
+}
+
+/// `a × b`, and for each component the sum of the absolute products that it is the difference of.
+#[inline(always)]
+fn cross_and_products<S: Simd>(a: Triple<S>, b: Triple<S>) -> (Triple<S>, Triple<S>) {
+    let products = [
+        (a[1] * b[2]).abs() + (a[2] * b[1]).abs(),
+        (a[2] * b[0]).abs() + (a[0] * b[2]).abs(),
+        (a[0] * b[1]).abs() + (a[1] * b[0]).abs(),
+    ];
+    (cross(a, b), products)
 }
 
 #[inline(always)]

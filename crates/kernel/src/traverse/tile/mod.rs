@@ -473,7 +473,7 @@ fn triangles<S: Simd, const ANY: bool, const PAST: bool>(
     visits.push(Visit { child: screen.start, mask, ..Visit::ROOT });
     while let Some(visit) = next_leaf(simd, &bvh.tree, bvh.blocks().full, &frame, work, visits, mark) {
         let (first, end) = visit.child.block_range();
-        let leaf = Leaf::new(simd, &frame, screen, &visit.range, visit.mask, work);
+        let leaf = Leaf::new(simd, &frame, rays, screen, &visit.range, visit.mask, work);
         let mut changed = 0;
         for block in first..end {
             changed |= leaf::test_block::<S, ANY, PAST>(simd, &leaf, work, &mut setup, block);

@@ -196,7 +196,7 @@ fn merge<S: Simd, const ANY: bool>(
                 work.iz[g][lane] = f32::INFINITY;
             } else {
                 let hit = &mut answers.hits[usize::from(slot)];
-                hit.ng = instances::carry_normal(&placed.normal_from_object, hit.ng);
+                hit.ng = instances::carried(placed, hit.ng);
                 let t = hit.t;
                 work.settle(rays, g * GROUP + lane, t);
             }
