@@ -8,6 +8,7 @@ use crate::{
 
 /// Something that can be asked with rays: a [`World`](crate::World) or an [`Oracle`](crate::Oracle).
 ///
+/// A ray's answer is the same bit for bit in whatever call it comes, on one instruction set (a kd-tree's differ by rounding).
 /// Output slices are as long as the input; if they differ, the common part is answered. Every slot of that part
 /// is written. Queries run on the calling thread and may run on many threads at once.
 pub trait RayQuery: Sync {
