@@ -1,8 +1,8 @@
 //! Closed meshes hold every ray that starts inside, aimed exactly at edges and vertices: zero leaks.
 mod common;
-use std::sync::Arc;
+use std::{f32::consts::TAU, sync::Arc};
 
-use common::{ACCELERATORS, HIERARCHIES, MakeObject, Rng, hunt, kd_object};
+use common::{ACCELERATORS, HIERARCHIES, MakeObject, Rng, hunt, kd_object, object};
 use heliostat_kernel::{
     Hit, Instance, Isa, Mesh, Object, Ray, RayQuery, Tile, World,
     glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A},
@@ -14,7 +14,7 @@ fn bumpy_sphere(rng: &mut Rng, bands: u32, sides: u32, radius: f32, center: Vec3
     for band in 1..bands {
         for side in 0..sides {
             let theta = std::f32::consts::PI * band as f32 / bands as f32;
-            let phi = std::f32::consts::TAU * side as f32 / sides as f32;
+            let phi = TAU * side as f32 / sides as f32;
             let r = radius * (1.0 + 0.1 * rng.unit());
             let p = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
             positions.push(center + p * r);
@@ -202,5 +202,57 @@ fn many_solids_hold_rays() {
         // Few bands make a double cone: stay well inside that too.
         let origins = inner_points(&mut rng, 4, radius * 0.4, center);
         assert_no_leak(&[object, kd_object], &mesh, &origins, &targets);
+    }
+}
+
+/// Rays that leave a convex body of slivers never meet it again, although the distances to a sliver are mostly rounding.
+#[test]
+fn slivers_do_not_stop_what_leaves_them() {
+    let mut rng = Rng::new(21);
+    let (sides, length) = (1024_u32, 6.0);
+    let point = |i: u32| {
+        let (s, c) = ((i / 2) as f32 * TAU / sides as f32).sin_cos();
+        Vec3::new(if i.is_multiple_of(2) { 0.0 } else { length }, c, s)
+    };
+    let indices: Vec<_> = (0..sides)
+        .flat_map(|i| {
+            let [a, b] = [2 * i, 2 * ((i + 1) % sides)];
+            [[a, b, b + 1], [a, b + 1, a + 1]]
+        })
+        .collect();
+    let mesh = Mesh::new((0..2 * sides).map(point).collect::<Vec<_>>(), indices);
+    for isa in Isa::available() {
+        let world = World::with_isa(object(std::slice::from_ref(&mesh)), isa).expect("available");
+        let mut rays = Vec::new();
+        while rays.len() < 4096 {
+            let triangle = mesh.indices[rng.below(mesh.indices.len())];
+            let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
+            let (u, v) = (rng.unit(), rng.unit());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let out = Vec3::new(0.0, a.y + b.y + c.y, a.z + b.z + c.z).normalize();
+            let direction = rng.vec().normalize();
+            // As far off the surface as the rounding of a position on it.
+            let origin = a + (b - a) * u + (c - a) * v + out * 4.0e-6;
+            // Steep enough that the neighbours, which bend away, are no matter of rounding either.
+            if direction.dot(out) > 0.02 {
+                rays.push(Ray::new(origin, direction));
+            }
+        }
+        let mut hits = vec![Hit::MISS; rays.len()];
+        world.intersect(&rays, &mut hits);
+        let met = hits.iter().filter(|hit| hit.is_hit()).count();
+        let mut alone = vec![false; rays.len()];
+        for (ray, dark) in rays.chunks(1).zip(alone.chunks_mut(1)) {
+            world.occluded(ray, dark);
+        }
+        let mut tiles = 0;
+        for ray in rays.iter().take(512) {
+            let mut tile = Tile::new(ray.origin);
+            (0..8).for_each(|i| _ = tile.push(ray.direction * (1.0 + i as f32), f32::INFINITY));
+            let mut dark = [false; 8];
+            world.occluded_tile(&tile, &mut dark);
+            tiles += dark.iter().filter(|dark| **dark).count();
+        }
+        assert_eq!((met, alone.iter().filter(|dark| **dark).count(), tiles), (0, 0, 0), "{isa}");
     }
 }

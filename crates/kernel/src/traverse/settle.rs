@@ -1,6 +1,6 @@
 //! From the triangles that rays settled on to hits: the intersection again, in the form that is precise near the ray
 //! rather than cheap for many [Woop, Benthin and Wald 2013].
-use fearless_simd::{f32x4, f32x16, prelude::*, u32x16};
+use fearless_simd::{Level, f32x4, f32x16, prelude::*, u32x16};
 use glam::Vec3;
 
 use super::local::LocalRay;
@@ -42,7 +42,10 @@ pub(super) struct Lined<V> {
 /// Distance, barycentrics and unit normal.
 #[derive(Clone, Copy)]
 pub(super) struct Exact<V> {
+    /// In the ray's interval, from which rounding may have pushed what was computed.
     pub t: V,
+    /// As computed.
+    distance: V,
     pub u: V,
     pub v: V,
     pub normal: [V; 3],
@@ -62,6 +65,7 @@ where
     let b = sub(corners[1], rays.origin);
     let c = sub(corners[2], rays.origin);
     let normal = normal(simd, sub(b, a), sub(c, a));
+    let plane = plane(simd, normal, a, rays.direction);
     let size = [rays.direction[0].abs(), rays.direction[1].abs(), rays.direction[2].abs()];
     let x_is_largest = size[0].simd_gt(size[1]) & size[0].simd_gt(size[2]);
     let y_is_largest = !x_is_largest & size[1].simd_gt(size[2]);
@@ -88,12 +92,52 @@ where
     let v = thin.select(third, w2 * inverse).min(one - u);
     let depth = (w0 * a[2] + w1 * b[2] + w2 * c[2]) * inverse;
     let depth = thin.select((a[2] + b[2] + c[2]) * third, depth);
-    Exact { t: inside(depth * scale, rays.t_min, rays.end), u, v, normal }
+    // The weights of slivers are mostly rounding: where the plane is met is then known better.
+    let (nearest, farthest) = (a[2].min(b[2]).min(c[2]), a[2].max(b[2]).max(c[2]));
+    let (x, y) = (ax.abs().max(bx.abs()).max(cx.abs()), ay.abs().max(by.abs()).max(cy.abs()));
+    let error = x * y * (farthest - nearest) * inverse * (8.0 * f32::EPSILON);
+    let [met, off] = plane;
+    let better = (off * direction[2].abs()).simd_lt(error) & !thin;
+    let met = (met * direction[2]).max(nearest).min(farthest);
+    let distance = better.select(met, depth) * scale;
+    Exact { t: inside(distance, rays.t_min, rays.end), distance, u, v, normal }
+}
+
+/// Where rays meet the plane through `a`, relative to their origins, and the error of that.
+#[inline(always)]
+fn plane<S: Simd, V: SimdFloat<S, Element = f32>>(
+    simd: S,
+    normal: [V; 3],
+    a: [V; 3],
+    direction: [V; 3],
+) -> [V; 2] {
+    let [ax, ay, az] = [normal[0] * a[0], normal[1] * a[1], normal[2] * a[2]];
+    let [dx, dy, dz] = [normal[0] * direction[0], normal[1] * direction[1], normal[2] * direction[2]];
+    let inverse = V::splat(simd, 1.0) / (dx + dy + dz);
+    let met = (ax + ay + az) * inverse;
+    let sizes = (ax.abs() + ay.abs() + az.abs()) + met.abs() * (dx.abs() + dy.abs() + dz.abs());
+    [met, sizes * inverse.abs() * (4.0 * f32::EPSILON)]
 }
 
 /// As [`exact`], for one ray; hits without names.
 #[inline(always)]
 pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> Hit {
+    let Exact { t, u, v, normal: [x, y, z], .. } = exact_of_one(simd, ray, corners);
+    Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
+}
+
+/// The precise distance to a triangle that the ray's line meets, wherever the ray begins and ends.
+#[cold]
+#[inline(never)]
+pub(super) fn distance<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> f32 {
+    simd.vectorize(
+        #[inline(always)]
+        || exact_of_one(simd, ray, corners).distance[0],
+    )
+}
+
+#[inline(always)]
+fn exact_of_one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> Exact<f32x4<S>> {
     let mut lanes = [[f32x4::splat(simd, 0.0); 3]; 3];
     for (lanes, corner) in lanes.iter_mut().zip(corners) {
         *lanes = splat(simd, corner);
@@ -104,8 +148,7 @@ pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> H
         t_min: f32x4::splat(simd, ray.t_min),
         end: f32x4::splat(simd, ray.end),
     };
-    let Exact { t, u, v, normal: [x, y, z] } = exact(simd, lanes, &rays);
-    Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
+    exact(simd, lanes, &rays)
 }
 
 /// Whether triangle `id`, `block · 8 + lane`, is the ray's hit rather than triangle `best`: hits are ordered by precise
@@ -294,10 +337,14 @@ fn transpose<S: Simd>(words: [f32x16<S>; 8]) -> Words {
 
 /// The unit vector along `e1 × e2`.
 #[inline(always)]
-fn normal<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, e1: [V; 3], e2: [V; 3]) -> [V; 3] {
-    let x = product_difference(e1[1], e2[2], e1[2], e2[1]);
-    let y = product_difference(e1[2], e2[0], e1[0], e2[2]);
-    let z = product_difference(e1[0], e2[1], e1[1], e2[0]);
+fn normal<S: Simd, V>(simd: S, e1: [V; 3], e2: [V; 3]) -> [V; 3]
+where
+    V: SimdFloat<S, Element = f32>,
+    V::Bits: SimdInt<S, Element = u32>,
+{
+    let x = product_difference(simd, e1[1], e2[2], e1[2], e2[1]);
+    let y = product_difference(simd, e1[2], e2[0], e1[0], e2[2]);
+    let z = product_difference(simd, e1[0], e2[1], e1[1], e2[0]);
     // Scaled first, so that squares neither overflow nor vanish.
     let one = V::splat(simd, 1.0);
     let largest = x.abs().max(y.abs()).max(z.abs()).max(V::splat(simd, f32::MIN_POSITIVE));
@@ -309,12 +356,43 @@ fn normal<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, e1: [V; 3], e2: [V; 
     [x * inverse, y * inverse, z * inverse]
 }
 
-/// `ab − cd` with the second product's rounding error put back (Kahan): thin triangles keep their normal.
+/// `ab − cd` with the rounding errors of the products put back (Kahan): thin triangles keep their normal.
 #[inline(always)]
-fn product_difference<S: Simd, V: SimdFloat<S>>(a: V, b: V, c: V, d: V) -> V {
+fn product_difference<S: Simd, V>(simd: S, a: V, b: V, c: V, d: V) -> V
+where
+    V: SimdFloat<S, Element = f32>,
+    V::Bits: SimdInt<S, Element = u32>,
+{
     let cd = c * d;
-    let error = (-c).mul_add(d, cd);
-    a.mul_sub(b, cd) + error
+    if is_fused(simd) {
+        return a.mul_sub(b, cd) + (-c).mul_add(d, cd);
+    }
+    let ab = a * b;
+    (ab - cd) + (product_error(simd, a, b, ab) - product_error(simd, c, d, cd))
+}
+
+/// Whether multiplication and addition round once.
+#[inline(always)]
+fn is_fused<S: Simd>(simd: S) -> bool {
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    if simd.level().as_avx2().is_none() {
+        return false;
+    }
+    !matches!(simd.level(), Level::Fallback(_))
+}
+
+/// `ab − product`, where the latter is the rounded product: exact, by halves of 12 bits [Dekker 1971, "A floating-point
+/// technique for extending the available precision", section 5].
+#[inline(always)]
+fn product_error<S: Simd, V>(simd: S, a: V, b: V, product: V) -> V
+where
+    V: SimdFloat<S, Element = f32>,
+    V::Bits: SimdInt<S, Element = u32>,
+{
+    let upper = V::Bits::splat(simd, !0xfff);
+    let (a_upper, b_upper) = (V::from_bits(a.to_bits() & upper), V::from_bits(b.to_bits() & upper));
+    let (a_lower, b_lower) = (a - a_upper, b - b_upper);
+    (a_upper * b_upper - product + a_upper * b_lower + a_lower * b_upper) + a_lower * b_lower
 }
 
 #[inline(always)]

@@ -5,10 +5,21 @@
 //! computed without fused operations: the two rounded products then compare like the exact ones or come out
 //! equal, so a sign is never wrong, only zero at times, and zero counts as inside. Deviation from the paper: no
 //! second pass in double precision for the zeros; neighbours may both claim such a ray, but none is lost.
+//!
+//! The distance is a mean of the corners' with the edge functions as weights. Those of a sliver are mostly rounding, and a
+//! ray that leaves it would meet it again: where the distance is in doubt, the precise form decides.
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{local::LocalRay, slab};
+use super::{
+    local::LocalRay,
+    settle::{self, CLOSE},
+    slab,
+};
 use crate::layout::Block;
+
+/// The roundings in a distance, eight in products of the corners' largest sheared coordinates and their range of depths,
+/// over the share of it that is granted.
+pub(super) const SLIVER: f32 = 8.0 * f32::EPSILON / (0.5 * CLOSE);
 
 /// A ray set up for triangle tests.
 #[derive(Clone, Copy)]
@@ -20,6 +31,7 @@ pub(super) struct Shear<S: Simd> {
     /// Shear along x and y, and scale of z.
     shear: [f32x8<S>; 3],
     t_min: f32x8<S>,
+    pub ray: LocalRay,
 }
 
 impl<S: Simd> Shear<S> {
@@ -36,17 +48,18 @@ impl<S: Simd> Shear<S> {
         };
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
         let scale = 1.0 / d[z];
-        Self::splat(simd, z, [o[x], o[y], o[z]], [-d[x] / d[z], -d[y] / d[z], scale], ray.t_min)
+        Self::splat(simd, z, [o[x], o[y], o[z]], [-d[x] / d[z], -d[y] / d[z], scale], *ray)
     }
 
     /// From the largest component's axis, the origin in cyclic order with that axis last, and the shear.
     #[inline(always)]
-    pub(super) fn splat(simd: S, z: usize, origin: [f32; 3], shear: [f32; 3], t_min: f32) -> Self {
+    pub(super) fn splat(simd: S, z: usize, origin: [f32; 3], shear: [f32; 3], ray: LocalRay) -> Self {
         Self {
             axes: [(z + 1) % 3, (z + 2) % 3, z],
             origin: slab::splat(simd, origin),
             shear: slab::splat(simd, shear),
-            t_min: f32x8::splat(simd, t_min),
+            t_min: f32x8::splat(simd, ray.t_min),
+            ray,
         }
     }
 
@@ -69,11 +82,35 @@ impl<S: Simd> Shear<S> {
         }
         let determinant = u + v + w;
         // u, v and w have one sign, so neither sum cancels: t stays between the corners' distances.
-        let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * self.shear[2];
-        let t = depth / determinant;
+        let depth = u.mul_add(az, v.mul_add(bz, w * cz));
+        let t = depth * self.shear[2] / determinant;
         // A zero determinant gives a NaN or an infinite t; NaN fails these tests, and t <= limit fails for ∞.
         let valid = inside & t.simd_gt(self.t_min) & t.simd_le(limit);
+        let (x, y) = (ax.abs().max(bx.abs()).max(cx.abs()), ay.abs().max(by.abs()).max(cy.abs()));
+        let range = az.max(bz).max(cz) - az.min(bz).min(cz);
+        let doubt = (x * y * range * SLIVER).simd_gt(depth.abs()) & inside & !determinant.simd_eq(zero);
+        let doubt = doubt.to_bitmask() as u32;
+        if doubt != 0 {
+            return self.settle(block, limit, t, valid.to_bitmask() as u32, doubt);
+        }
         (t, valid.to_bitmask() as u32)
+    }
+
+    /// The answer of [`Shear::test`] with precise distances to the triangles in `doubt`.
+    #[cold]
+    #[inline(never)]
+    fn settle(&self, block: &Block, limit: f32x8<S>, t: f32x8<S>, valid: u32, doubt: u32) -> (f32x8<S>, u32) {
+        let simd = self.t_min.token();
+        let (mut t, limit): ([f32; 8], [f32; 8]) = (t.into(), limit.into());
+        let (mut valid, mut rest) = (valid, doubt);
+        while rest != 0 {
+            let lane = (rest.trailing_zeros() & 7) as usize;
+            rest &= rest - 1;
+            t[lane] = settle::distance(simd, &self.ray, block.corners(lane));
+            let met = t[lane] > self.ray.t_min && t[lane] <= limit[lane];
+            valid = valid & !(1 << lane) | u32::from(met) << lane;
+        }
+        (f32x8::load_array(simd, t), valid)
     }
 
     #[inline(always)]

@@ -65,7 +65,7 @@ pub(super) fn closest<S: Simd>(
     let slab = Slab::new(simd, ray, &bvh.tree);
     let shear = Shear::new(simd, ray);
     let best = Best::up_to(limit);
-    let best = closest_below(simd, bvh, blocks, ray, &slab, &shear, start, best, stack);
+    let best = closest_below(simd, bvh, blocks, &slab, &shear, start, best, stack);
     (best.id != Best::NONE).then_some(best)
 }
 
@@ -79,7 +79,6 @@ pub(super) fn closest_below<S: Simd>(
     simd: S,
     bvh: &TriangleBvh,
     blocks: impl BlockSource,
-    ray: &LocalRay,
     slab: &Slab<S>,
     shear: &Shear<S>,
     start: Child,
@@ -95,7 +94,7 @@ pub(super) fn closest_below<S: Simd>(
         if current.is_leaf() {
             let (first, end) = current.block_range();
             for block in first..end {
-                closest_in_block(simd, ray, shear, blocks, block, &mut best);
+                closest_in_block(simd, shear, blocks, block, &mut best);
             }
             reach = behind(best.t);
         } else {
@@ -121,13 +120,13 @@ pub(super) fn closest_below<S: Simd>(
 #[inline(always)]
 fn closest_in_block<S: Simd>(
     simd: S,
-    ray: &LocalRay,
     shear: &Shear<S>,
     blocks: impl BlockSource,
     block: usize,
     best: &mut Best,
 ) {
-    let (t, mut bits) = shear.test(blocks.block(block, &mut None), f32x8::splat(simd, best.limit(ray)));
+    let (t, mut bits) =
+        shear.test(blocks.block(block, &mut None), f32x8::splat(simd, best.limit(&shear.ray)));
     if bits == 0 {
         return;
     }
@@ -136,7 +135,7 @@ fn closest_in_block<S: Simd>(
         let lane = (bits.trailing_zeros() & 7) as usize;
         bits &= bits - 1;
         let id = (block * WIDTH + lane) as u32;
-        if best.yields_to(simd, blocks, ray, t[lane], id) {
+        if best.yields_to(simd, blocks, &shear.ray, t[lane], id) {
             *best = Best { t: t[lane], id };
         }
     }

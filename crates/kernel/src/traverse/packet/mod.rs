@@ -4,6 +4,8 @@
 //! Lanes stay together while it pays: where only a few want a subtree, each goes on alone, 8 boxes at a time [Benthin,
 //! Wald, Woop, Ernst and Mark 2012, "Combining single and packet-ray tracing for arbitrary ray distributions"]. So
 //! unrelated rays lose nothing: they share the top of the tree and part below it.
+mod leaf;
+
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
 use glam::Affine3A;
@@ -11,7 +13,7 @@ use glam::Affine3A;
 use super::{
     ahead::Leaves,
     local::{LocalRay, REACH},
-    settle::{self, LANES, Lanes, Lined, MeshOf, Triple, Words, load, turn},
+    settle::{self, LANES, Lanes, Lined, MeshOf, Words, load, turn},
     shear::Shear,
     single::{self, Best},
     slab::{self, Slab},
@@ -19,7 +21,7 @@ use super::{
 };
 use crate::{
     build::wide::WideTree,
-    layout::{Block, Child, Node, WIDTH},
+    layout::{Child, Node, WIDTH},
     through::Screen,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
@@ -352,125 +354,6 @@ impl Packet {
         (enter, enter.simd_le(leave))
     }
 
-    /// The lanes in `bits` against a block's triangles one by one: [`Shear::test`] with the roles of rays and
-    /// triangles exchanged, operation by operation, so that a mesh stays watertight.
-    #[inline(always)]
-    fn together<S: Simd, const ANY: bool, const PAST: bool>(
-        &mut self,
-        simd: S,
-        screen: Screen<'_>,
-        block: usize,
-        bits: u16,
-    ) {
-        let mut place = None;
-        let triangles = screen.bvh.blocks().get(block, &mut place);
-        let passed = if PAST { screen.passed_of(&triangles.triangle) } else { 0 };
-        let mut first = 0;
-        loop {
-            first =
-                self.together_from::<S, ANY, PAST>(simd, screen.bvh, triangles, block, bits, first, passed);
-            if ANY || first == WIDTH {
-                return;
-            }
-        }
-    }
-
-    /// From triangle `first` on, up to where it returns: it stops behind a tie, as a call inside the loop would cost it
-    /// its registers. The triangles in `passed` let light through.
-    #[expect(clippy::too_many_arguments, reason = "rays, a block of triangles, and which of them")]
-    #[inline(always)]
-    fn together_from<S: Simd, const ANY: bool, const PAST: bool>(
-        &mut self,
-        simd: S,
-        bvh: &TriangleBvh,
-        triangles: &Block,
-        block: usize,
-        bits: u16,
-        first: usize,
-        passed: u32,
-    ) -> usize {
-        let turned = [
-            mask32x16::from_bitmask(simd, u64::from(self.turned[0])),
-            mask32x16::from_bitmask(simd, u64::from(self.turned[1])),
-        ];
-        let origin = load(simd, &self.sheared_origin);
-        let shear = load(simd, &self.shear);
-        let wanted = mask32x16::from_bitmask(simd, u64::from(bits));
-        let t_min = f32x16::load_array_ref(simd, &self.t_min);
-        let mut limit = f32x16::load_array_ref(simd, &self.limit);
-        let mut id = u32x16::load_array_ref(simd, &self.id);
-        let zero = f32x16::splat(simd, 0.0);
-        let (mut next, mut tied, mut distance) = (WIDTH, 0, zero);
-        for lane in first..WIDTH {
-            if triangles.triangle[lane] == Block::NO_TRIANGLE {
-                break;
-            }
-            if PAST && passed >> lane & 1 != 0 && bits & !self.met == 0 {
-                continue;
-            }
-            let (ax, ay, az) = sheared(simd, triangles, 0, lane, turned, origin, shear);
-            let (bx, by, bz) = sheared(simd, triangles, 1, lane, turned, origin, shear);
-            let (cx, cy, cz) = sheared(simd, triangles, 2, lane, turned, origin, shear);
-            let u = cx * by - cy * bx;
-            let v = ax * cy - ay * cx;
-            let w = bx * ay - by * ax;
-            let inside = u.min(v).min(w).simd_ge(zero) | u.max(v).max(w).simd_le(zero);
-            let inside = inside & wanted;
-            if inside.to_bitmask() == 0 {
-                continue;
-            }
-            let depth = u.mul_add(az, v.mul_add(bz, w * cz)) * shear[2];
-            let t = depth / (u + v + w);
-            let inside = inside & t.simd_gt(t_min);
-            let close = limit * settle::CLOSE;
-            let hit = inside & if ANY { t.simd_le(limit) } else { t.simd_lt(limit - close) };
-            if PAST && passed >> lane & 1 != 0 {
-                self.met |= hit.to_bitmask() as u16;
-                continue;
-            }
-            if !ANY {
-                tied = (inside & !hit & t.simd_le(limit + close)).to_bitmask() as u16;
-                distance = t;
-            }
-            limit = hit.select(if ANY { f32x16::splat(simd, -1.0) } else { t }, limit);
-            id = hit.select(u32x16::splat(simd, (block * WIDTH + lane) as u32), id);
-            if ANY && (limit.simd_ge(zero) & wanted).to_bitmask() == 0 {
-                break;
-            }
-            if tied != 0 {
-                next = lane + 1;
-                break;
-            }
-        }
-        self.limit = limit.into();
-        self.id = id.into();
-        if tied != 0 {
-            self.choose(simd, bvh, tied, (block * WIDTH + next - 1) as u32, &distance.into());
-        }
-        next
-    }
-
-    /// Gives triangle `id`, which is met at the distances `t`, to those lanes in `close` that have nothing nearer: about
-    /// as near they have another one, or their end.
-    #[cold]
-    #[inline(never)]
-    fn choose<S: Simd>(&mut self, simd: S, bvh: &TriangleBvh, close: u16, id: u32, t: &Lanes) {
-        let mut rest = close;
-        while rest != 0 {
-            let lane = (rest.trailing_zeros() & 15) as usize;
-            rest &= rest - 1;
-            let nearest = if self.id[lane] == Self::NONE {
-                t[lane] <= self.limit[lane]
-            } else {
-                t[lane] <= self.end[lane]
-                    && settle::precedes(simd, bvh.blocks(), &self.ray(lane), id, self.id[lane])
-            };
-            if nearest {
-                (self.id[lane], self.limit[lane]) = (id, t[lane]);
-            }
-        }
-    }
-
     /// The hits of the lanes that found something.
     #[inline(always)]
     pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, found: u16, mesh: &mut MeshOf) -> Words {
@@ -516,9 +399,7 @@ impl Packet {
                 continue;
             }
             let bvh = screen.bvh;
-            let ray = self.ray(lane);
-            let found =
-                single::closest_below(simd, bvh, bvh.blocks(), &ray, &slab, &shear, child, best, stack);
+            let found = single::closest_below(simd, bvh, bvh.blocks(), &slab, &shear, child, best, stack);
             // Single words that were just written are slow to read with their neighbours.
             if found.id != best.id {
                 (self.limit[lane], self.id[lane]) = (found.t, found.id);
@@ -536,7 +417,7 @@ impl Packet {
     #[inline(always)]
     fn shear_of<S: Simd>(&self, simd: S, lane: usize) -> Shear<S> {
         let (origin, shear) = (column(&self.sheared_origin, lane), column(&self.shear, lane));
-        Shear::splat(simd, self.axis[lane] as usize, origin, shear, self.t_min[lane])
+        Shear::splat(simd, self.axis[lane] as usize, origin, shear, self.ray(lane))
     }
 
     /// From how many lanes on a leaf is shared.
@@ -587,24 +468,6 @@ impl Packet {
         self.shear =
             [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
-}
-
-/// A corner as one ray per lane sees it.
-#[inline(always)]
-fn sheared<S: Simd>(
-    simd: S,
-    block: &Block,
-    corner: usize,
-    lane: usize,
-    turned: [mask32x16<S>; 2],
-    origin: Triple<S>,
-    shear: Triple<S>,
-) -> (f32x16<S>, f32x16<S>, f32x16<S>) {
-    let [x, y, z] = &block.vertex[corner];
-    let vertex = [f32x16::splat(simd, x[lane]), f32x16::splat(simd, y[lane]), f32x16::splat(simd, z[lane])];
-    let [x, y, z] = turn(vertex, turned[0], turned[1]);
-    let (x, y, z) = (x - origin[0], y - origin[1], z - origin[2]);
-    (z.mul_add(shear[0], x), z.mul_add(shear[1], y), z)
 }
 
 #[inline(always)]
