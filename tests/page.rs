@@ -204,9 +204,9 @@ fn two_browsers_share_a_session_and_a_phone_is_large_enough() {
     second.wait("+heliostat.header.view.split(',')[7] < 0.6 * far");
     assert_eq!(second.value("document.documentElement.scrollWidth <= innerWidth"), true);
     second.screenshot("10-phone-nearer");
-    // Both see the same view.
-    second.value("window.view = heliostat.header.view");
-    let view = second.value("view");
+    // Both see the same view, once all that the fingers did is shown.
+    second.wait("heliostat.header.still");
+    let view = second.value("heliostat.header.view");
     first.value(&format!("window.view = {view}"));
     first.wait("heliostat.header.view === view");
 }

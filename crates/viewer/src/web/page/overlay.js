@@ -31,6 +31,7 @@ export class Overlay {
       `latency${ms(this.app.latency)} ms`,
     ];
     if (s.light_paths) rows.push(`${s.light_paths} light paths`);
+    if (s.counts) rows.push(`${this.app.state?.scene?.plane ?? 'counts'} ${s.counts[0].toFixed(1)}, white ${s.counts[1].toFixed(0)}`);
     for (const [what, time] of this.rebuilt.slice(0, 3)) rows.push(`↻ ${what.slice(0, 26)} ${time.toFixed(1)} ms`);
     $('figures').textContent = rows.join('\n');
     this.history();
