@@ -22,7 +22,7 @@ export class Overlay {
     this.times.push(s.render);
     if (this.times.length > 90) this.times.shift();
     if (s.rebuilt.length) this.rebuilt = s.rebuilt;
-    const ms = n => n.toFixed(1).padStart(6);
+    const ms = n => n.toFixed(1).padStart(7);
     const rows = [
       `${header.width}×${header.height}  ${header.still ? `${header.frames} frames${header.done ? ', done' : ''}` : `${s.fps.toFixed(1)} fps`}`,
       `${(s.rays_per_second / 1e6).toFixed(1)} Mrays/s  ${(s.rays / 1e6).toFixed(2)} M rays`,
