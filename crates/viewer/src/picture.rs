@@ -57,7 +57,7 @@ pub(crate) fn count_range(plane: &PlaneData) -> Option<[f32; 2]> {
 }
 
 /// A plane as colours from 0 to 1: depth and position over their range, normals as 0.5 + 0.5 n, identifiers as distinct
-/// colours, counts in false colours (see [`count_range`]), the rest as it is.
+/// colours, counts in false colours up to one that few pixels exceed, the rest as it is.
 pub fn plane_colors(plane: &PlaneData) -> Vec<Vec3> {
     let finite = || plane.values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max));
