@@ -198,15 +198,17 @@ fn two_browsers_share_a_session_and_a_phone_is_large_enough() {
     let distance =
         |tab: &Tab<'_>| tab.value("+heliostat.header.view.split(',')[7]").as_f64().expect("a number");
     let far = distance(&second);
+    // As on a busy machine: the page draws no frame between what fingers do and their end.
+    second.value("window.requestAnimationFrame = () => 0");
     let pinch = |x: f64| [on_page(&second, 0.5 - x, 0.5), on_page(&second, 0.5 + x, 0.5)];
     second.fingers(&pinch(0.1), &pinch(0.3));
     second.value(&format!("window.far = {far}"));
     second.wait("+heliostat.header.view.split(',')[7] < 0.6 * far");
     assert_eq!(second.value("document.documentElement.scrollWidth <= innerWidth"), true);
     second.screenshot("10-phone-nearer");
-    // Both see the same view.
-    second.value("window.view = heliostat.header.view");
-    let view = second.value("view");
+    // Both see the same view, once all that the fingers did is shown.
+    second.wait("heliostat.header.still");
+    let view = second.value("heliostat.header.view");
     first.value(&format!("window.view = {view}"));
     first.wait("heliostat.header.view === view");
 }
@@ -258,6 +260,87 @@ fn the_page_comes_back_after_the_server_and_opens_dropped_files() {
         json!({"features": [{"name": "prefers-color-scheme", "value": "dark"}]}),
     );
     tab.screenshot("14-dark");
+}
+
+/// A floor with a bulb above it, in one file.
+fn floor() -> serde_json::Value {
+    let place = json!({"KHR_lights_punctual": {"light": 0}});
+    json!({
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"name": "bulb", "type": "point", "intensity": 300}]}},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"name": "floor", "mesh": 0}, {"name": "bulb", "translation": [0, 1, 0], "extensions": place}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-2, 0, -2], "max": [2, 0, 2]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
+        "buffers": [{"byteLength": 60, "uri": "data:application/octet-stream;base64,AAAAwAAAAAAAAABAAAAAQAAAAAAAAABAAAAAQAAAAAAAAADAAAAAwAAAAAAAAADAAAABAAIAAAACAAMA"}]
+    })
+}
+
+/// What somebody does who has read nothing: drops a glTF file, clicks its lamp, pulls it, saves the picture.
+#[test]
+fn a_new_user_opens_a_gltf_file_moves_its_lamp_and_saves_a_picture() {
+    let Some(program) = chromium() else { return };
+    let served = Served::start("--listen 127.0.0.1:0");
+    let browser = Browser::start(&program, "new");
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("downloads");
+    _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    browser.save_into(&folder);
+    let tab = browser.open(&served.url, 1000, 620);
+    tab.wait("window.heliostat?.pictures > 0");
+    tab.screenshot("16-new-user-start");
+    tab.value(&format!(
+        "(() => {{ const t = new DataTransfer(); t.items.add(new File([JSON.stringify({})], 'floor.gltf')); \
+         document.getElementById('stage').dispatchEvent(new DragEvent('drop', {{ dataTransfer: t, bubbles: true }})); }})()",
+        floor()
+    ));
+    tab.wait("heliostat.state.title === 'floor.gltf' && heliostat.state.scene?.lights.length === 1");
+    wait_for_still(&tab);
+    // The lamp's mark is there to be clicked.
+    let mark = tab.value("heliostat.header.lines.filter(l => l.kind === 'light')[0].points");
+    let points = mark.as_array().expect("points");
+    let middle = [0, 1].map(|k| {
+        let sum: f64 = points.iter().map(|point| point[k].as_f64().expect("a number")).sum();
+        sum / points.len() as f64
+    });
+    tab.click(on_page(&tab, middle[0], middle[1]));
+    tab.wait("heliostat.state.scene.selection?.type === 'light' && heliostat.header.lines.some(l => l.kind === 'y')");
+    wait_for_still(&tab);
+    tab.screenshot("17-new-user-lamp");
+    let before = tab.value("document.getElementById('picture').toDataURL()");
+    let place = tab.value("heliostat.state.scene.lights[0].lamp.position[0]").as_f64().expect("a number");
+    let handle = tab.value("heliostat.header.lines.find(l => l.kind === 'x').points");
+    let point = |i: usize| [0, 1].map(|k| handle[i][k].as_f64().expect("a number"));
+    let [foot, tip] = [point(0), point(1)];
+    let grip = [0, 1].map(|k| 0.4 * foot[k] + 0.6 * tip[k]);
+    let there = [0, 1].map(|k| grip[k] + 0.8 * (tip[k] - foot[k]));
+    tab.drag(on_page(&tab, grip[0], grip[1]), on_page(&tab, there[0], there[1]));
+    tab.wait(&format!("Math.abs(heliostat.state.scene.lights[0].lamp.position[0] - {place}) > 0.05"));
+    wait_for_next_still(&tab);
+    assert_ne!(tab.value("document.getElementById('picture').toDataURL()"), before);
+    tab.screenshot("18-new-user-moved");
+    tab.value("document.getElementById('save').click()");
+    let start = std::time::Instant::now();
+    let saved = || {
+        let files = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        // A browser may make the file before it has its content.
+        let whole = |path: &std::path::PathBuf| std::fs::metadata(path).is_ok_and(|data| data.len() > 8);
+        files
+            .map(|file| file.path())
+            .find(|path| path.extension().is_some_and(|end| end == "png") && whole(path))
+    };
+    while saved().is_none() {
+        assert!(start.elapsed() < viewing::PATIENCE, "no picture was saved");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let bytes = std::fs::read(saved().expect("a file")).expect("it can be read");
+    assert_eq!(&bytes[1..4], b"PNG");
 }
 
 /// The picture in the README.

@@ -102,7 +102,7 @@ fn pictures_are_streamed_as_fast_as_they_are_made() {
     assert!(figures.latency <= 10.0 * (1.5 * figures.frame + 10.0), "{}", figures.latency);
 }
 
-/// `cargo test --release -p heliostat --test serve -- --ignored conference --nocapture`, on a machine that does nothing else.
+/// `cargo test --release --workspace --test serve -- --ignored conference --nocapture`, on a machine that does nothing else.
 #[test]
 #[ignore = "needs a machine that does nothing else"]
 fn the_conference_room_is_streamed_at_the_rate_of_the_engine() {
@@ -149,7 +149,7 @@ fn million_triangles() -> String {
     file.display().to_string()
 }
 
-/// `cargo test --release -p heliostat --test serve -- --ignored million --nocapture`, on a machine that does nothing else;
+/// `cargo test --release --workspace --test serve -- --ignored million --nocapture`, on a machine that does nothing else;
 /// `HELIOSTAT_LARGE_SCENE` names another scene than a landscape of exactly so many triangles.
 #[test]
 #[ignore = "needs a machine that does nothing else"]
@@ -302,7 +302,7 @@ fn others_need_the_token() {
     client.picture("a picture", |_| true);
 }
 
-/// Ten minutes of random actions by two clients. `cargo test --release -p heliostat --test serve -- --ignored soak --nocapture`;
+/// Ten minutes of random actions by two clients. `cargo test --release --workspace --test serve -- --ignored soak --nocapture`;
 /// `HELIOSTAT_SOAK_SECONDS` shortens it.
 #[test]
 #[ignore = "takes ten minutes"]
@@ -331,6 +331,7 @@ fn soak() {
         let point = [share(random(100)), share(random(100))];
         let (names, modes) = (["path", "direct", "igi", "cast"], ["orbit", "fly", "walk"]);
         let (looks, effects) = (["show-depth", "show-level", "show-uv"], ["edges", "heat", "vignette"]);
+        let planes = [json!("normal"), json!("nodes"), json!("cost"), json!(null), json!(null), json!(null)];
         let action = match random(21) {
             0 => json!({"do": "pointer", "phase": "down", "at": point}),
             1..=3 => json!({"do": "pointer", "phase": "move", "at": point}),
@@ -344,8 +345,13 @@ fn soak() {
             11 => json!({"do": "seek", "time": share(random(400))}),
             12 => json!({"do": "undo"}),
             13 => json!({"do": "redo"}),
-            14 => json!({"do": "size", "width": 100 + random(200), "height": 80 + random(150)}),
-            15 => json!({"do": "show", "plane": if random(3) == 0 { json!("normal") } else { json!(null) }}),
+            14 => {
+                // Buffers grow with the largest picture so far: it comes again and again, in each fifth of the time.
+                let [width, height] =
+                    if random(4) == 0 { [300, 230] } else { [100 + random(200), 80 + random(150)] };
+                json!({"do": "size", "width": width, "height": height})
+            }
+            15 => json!({"do": "show", "plane": planes[random(6) as usize]}),
             16 => {
                 json!({"do": "change", "gesture": random(9), "change": {"kind": "show", "instance": random(9), "visible": random(4) > 0}})
             }

@@ -101,6 +101,11 @@ impl Browser {
         }
     }
 
+    /// What pages save goes into a folder, without a question.
+    pub(crate) fn save_into(&self, folder: &Path) {
+        self.call(None, "Browser.setDownloadBehavior", json!({"behavior": "allow", "downloadPath": folder}));
+    }
+
     /// Opens a page in a tab of this size.
     pub(crate) fn open(&self, url: &str, width: u32, height: u32) -> Tab<'_> {
         let target = self.call(None, "Target.createTarget", json!({"url": "about:blank"}));

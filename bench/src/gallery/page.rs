@@ -16,7 +16,8 @@ let oak = Material { shader: Some(Arc::new(shader)), ..Material::default() };
 ```
 
 `heliostat render --materials NAME[:PARAMETER=VALUE,…]` shows all surfaces by one shader, above all by those that make a quantity
-visible (`show-…`); the viewer does it live. Any parameter can be a texture times a factor. Lengths in object space grow with the object when an instance is scaled.
+visible (`show-…`); the viewer does it live. What depends on rays rather than on surfaces, nodes and triangles visited and
+shading cost, are planes: `--aov nodes`, see [viewer.md](viewer.md#false-colours-filters-tone-curves). Any parameter can be a texture times a factor. Lengths in object space grow with the object when an instance is scaled.
 Colours are linear Rec. 709. All pictures show a ball of 24 cm on a block of the same material (of 1 m for `brick` and
 `checker`), rendered by `path` under the same light. This page and its pictures are written by
 `cargo run --release -p heliostat-bench -- gallery`.

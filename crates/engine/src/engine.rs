@@ -1,8 +1,8 @@
 //! The backend: owns the scene and what was compiled from it, and schedules the tiles of a frame.
 
 use std::num::NonZeroUsize;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use heliostat_kernel::{Isa, RayQuery};
@@ -72,6 +72,7 @@ pub struct Engine {
     pool: rayon::ThreadPool,
     /// What the frame before has seen, if frames are to go on from each other.
     history: Option<History>,
+    buffers: Mutex<igi::Buffers>,
     /// What the materials were overridden with in the last picture.
     overridden: MaterialOverride,
 }
@@ -117,6 +118,7 @@ impl Engine {
             pixel_shaders,
             pool,
             history: None,
+            buffers: Mutex::default(),
             overridden: MaterialOverride::None,
         })
     }
@@ -192,9 +194,13 @@ impl Engine {
             Renderer::ByRegion(integrator) => {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
-            Renderer::Igi => {
-                igi::render(&self.pool, &view, &settings, (&request.igi, film, progress), history)?
-            }
+            Renderer::Igi => igi::render(
+                (&self.pool, &self.buffers),
+                &view,
+                &settings,
+                (&request.igi, film, progress),
+                history,
+            )?,
             Renderer::InstantRadiosity => {
                 let alone = IgiOptions {
                     interleave: [1, 1],
@@ -203,7 +209,13 @@ impl Engine {
                     accumulate: false,
                     ..request.igi
                 };
-                igi::render(&self.pool, &view, &settings, (&alone, film, progress), &mut None)?
+                igi::render(
+                    (&self.pool, &self.buffers),
+                    &view,
+                    &settings,
+                    (&alone, film, progress),
+                    &mut None,
+                )?
             }
         };
         if progress.is_cancelled() {
@@ -316,7 +328,11 @@ impl Backend for Engine {
         self.history = history;
         let stats = stats?;
         let mut frame = film.finish();
-        self.pool.install(|| post::shade(&mut frame, &pixel_shaders, self.options.lanes));
+        let camera = CameraRays::new(&request.camera, request.width, request.height);
+        self.pool.install(|| {
+            post::count_visits(&mut frame, self.compiled.world(), &camera);
+            post::shade(&mut frame, &pixel_shaders, self.options.lanes);
+        });
         frame.planes.truncate(request.planes.len());
         frame.problems = self.compiled.shading(&request.materials).take_problems();
         frame.stats = stats;

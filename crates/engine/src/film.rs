@@ -81,5 +81,8 @@ fn write(plane: Plane, sum: &PixelSum, per_sample: f32, out: &mut [f32]) {
         Plane::ObjectId => out[0] = id(sum.first.map(|f| f.object)),
         Plane::InstanceId => out[0] = id(sum.first.map(|f| f.instance)),
         Plane::MaterialId => out[0] = id(sum.first.map(|f| f.material)),
+        Plane::Cost => out[0] = sum.shaded * per_sample,
+        // Counted when the picture is done.
+        Plane::Nodes | Plane::Triangles => {}
     }
 }

@@ -11,10 +11,60 @@ use crate::film::Film;
 use crate::meter::Metered;
 use crate::queue::work_through;
 
+/// What a frame is made in, kept from frame to frame: large buffers of ever other sizes would leave holes between them
+/// that are never given back.
+#[derive(Default)]
+pub(crate) struct Buffers {
+    picture: Vec<Gathered>,
+    /// Of all pixels, region by region.
+    sums: Vec<PixelSum>,
+    /// Light of all pixels, row by row.
+    light: Vec<Vec3>,
+    /// What each row leaves to the next frame.
+    rows: Vec<Mutex<Vec<Remembered>>>,
+    /// What frames before have left and no longer need.
+    old: Vec<Remembered>,
+}
+
+/// Buffers for so many pixels stay, even if fewer are needed; larger ones go when less than a quarter of them is.
+const KEPT_PIXELS: usize = 640 * 480;
+
+/// Makes a buffer hold `count` default values.
+fn renew<T: Clone + Default>(buffer: &mut Vec<T>, count: usize) {
+    buffer.clear();
+    let wasted = buffer.capacity() > KEPT_PIXELS && buffer.capacity() / 4 > count;
+    if buffer.capacity() < count || wasted {
+        // The old one goes before the new one comes.
+        *buffer = Vec::new();
+        buffer.reserve_exact(count);
+    }
+    buffer.resize(count, T::default());
+}
+
+impl Buffers {
+    /// Makes room for a picture of this size.
+    fn renew(&mut self, (width, height): (u32, u32)) {
+        let pixels = width as usize * height as usize;
+        renew(&mut self.picture, pixels);
+        renew(&mut self.sums, pixels);
+        renew(&mut self.light, pixels);
+        self.rows.resize_with(height as usize, Mutex::default);
+        self.rows.iter().for_each(|row| {
+            let mut row = locked(row);
+            row.clear();
+            row.reserve_exact(width as usize);
+        });
+        self.old.clear();
+        if self.old.capacity() > KEPT_PIXELS && self.old.capacity() / 4 > pixels {
+            self.old = Vec::new();
+        }
+    }
+}
+
 /// Renders all passes into a film and returns the number of rays. If frames go on from each other, `history` is what the
 /// frame before has left, and afterwards what this one leaves.
 pub(crate) fn render(
-    pool: &rayon::ThreadPool,
+    (pool, buffers): (&rayon::ThreadPool, &Mutex<Buffers>),
     view: &View<'_, Metered<'_>>,
     settings: &Settings,
     (options, film, progress): (&IgiOptions, &Film, &Progress),
@@ -28,15 +78,18 @@ pub(crate) fn render(
     progress.start(regions.len() as u64 * u64::from(settings.samples));
     let rays = AtomicU64::new(0);
     let stop = || progress.is_cancelled();
-    let pixels = size.0 as usize * size.1 as usize;
-    let mut picture = vec![Gathered::default(); pixels];
-    let sums: Vec<_> =
-        regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
-    let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
-    let remembered: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::<Remembered>::new())).collect();
+    let mut buffers = locked(buffers);
+    buffers.renew(size);
+    let Buffers { picture, sums, light, rows: remembered, old } = &mut *buffers;
+    let mut rest = &mut sums[..];
+    let sums: Vec<_> = regions
+        .iter()
+        .map(|region| Mutex::new(rest.split_off_mut(..region.area()).unwrap_or_default()))
+        .collect();
+    let rows: Vec<_> = light.chunks_mut(size.0.max(1) as usize).map(Mutex::new).collect();
     for pass in 0..settings.samples {
         rays.fetch_add(pool.install(|| frame.start(pass)), Ordering::Relaxed);
-        let shared = Mutex::new(&mut picture);
+        let shared = Mutex::new(&mut *picture);
         work_through(pool, regions.len(), &stop, &|index| {
             let region = &regions[index];
             let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
@@ -51,7 +104,7 @@ pub(crate) fn render(
             let mut memory = locked(&remembered[y]);
             memory.clear();
             let memory = options.accumulate.then_some(&mut *memory);
-            let light = frame.row(&picture, size, y as u32, before, memory);
+            let light = frame.row(picture, size, y as u32, before, memory);
             locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
         })?;
     }
@@ -62,10 +115,11 @@ pub(crate) fn render(
         film.add_row(y, &locked(row));
     }
     if options.accumulate && !progress.is_cancelled() {
-        let memory: Vec<Remembered> =
-            remembered.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
+        let mut memory = std::mem::take(old);
+        memory.reserve_exact(picture.len());
+        remembered.iter().for_each(|row| memory.append(&mut locked(row)));
         match history {
-            Some(history) => history.advance(view.camera.clone(), size, memory),
+            Some(history) => *old = history.advance(view.camera.clone(), size, memory),
             None => *history = Some(History::new(view.camera.clone(), size, memory)),
         }
     }

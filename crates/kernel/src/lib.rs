@@ -27,6 +27,7 @@ mod tile;
 mod traverse;
 mod triangle_bvh;
 mod triangles;
+mod visits;
 mod world;
 
 pub use aabb::Aabb;
@@ -45,4 +46,5 @@ pub use through::SeeThrough;
 pub use tile::Tile;
 pub use triangle_bvh::TriangleBvh;
 pub use triangles::Triangles;
+pub use visits::Visits;
 pub use world::{PathVisitor, ResolvedPath, World};

@@ -160,7 +160,7 @@ pub enum MaterialOverride {
 }
 
 /// Auxiliary data per pixel: the mean over the pixel's samples, except for the identifiers, which belong to the
-/// pixel's first sample.
+/// pixel's first sample, and nodes and triangles, which are of one ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Plane {
     /// Distance from the camera along the ray, metres; 0 where nothing is hit.
@@ -179,11 +179,17 @@ pub enum Plane {
     InstanceId,
     /// Handle number of the material + 1; 0 where nothing is hit.
     MaterialId,
+    /// Nodes of acceleration structures that the ray through the pixel's centre passes before it hits something.
+    Nodes,
+    /// Triangles, and other primitives, in the leaves that it passes.
+    Triangles,
+    /// Points shaded for a sample of the pixel: those that camera rays meet, and those further on along the paths.
+    Cost,
 }
 
 impl Plane {
     /// All planes.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::Depth,
         Self::Normal,
         Self::Position,
@@ -192,6 +198,9 @@ impl Plane {
         Self::ObjectId,
         Self::InstanceId,
         Self::MaterialId,
+        Self::Nodes,
+        Self::Triangles,
+        Self::Cost,
     ];
 
     /// The name used on the command line and in files.
@@ -205,7 +214,15 @@ impl Plane {
             Self::ObjectId => "object-id",
             Self::InstanceId => "instance-id",
             Self::MaterialId => "material-id",
+            Self::Nodes => "nodes",
+            Self::Triangles => "triangles",
+            Self::Cost => "cost",
         }
+    }
+
+    /// Whether it counts what pixels cost: data for heat maps.
+    pub fn is_count(self) -> bool {
+        matches!(self, Self::Nodes | Self::Triangles | Self::Cost)
     }
 
     /// Values per pixel.

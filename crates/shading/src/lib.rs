@@ -66,7 +66,7 @@ pub use sampler::{SamplePoints, Sampler, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
     Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,
-    ShaderRegistry, SurfaceProgram, SurfaceShader,
+    ShaderRegistry, SurfaceProgram, SurfaceShader, heat_color,
 };
 pub use sort::{HitPacket, HitSorter};
 pub use surface::{LaneMode, ShadeScratch, Surface, Surfaces};

@@ -259,6 +259,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             let (ray, hit) = (&mut arrived.rays[lane], &hits[index as usize]);
             *ray = rays[index as usize];
             let sum = &mut sums[ray.pixel as usize];
+            sum.shaded += 1.0;
             let absorption = surfaces.absorption(lane);
             if absorption != Vec3::ZERO {
                 ray.weight *= (-absorption * hit.t).exp();

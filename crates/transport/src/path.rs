@@ -172,6 +172,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         let scene = self.view.scene;
         let surfaces = &vertices.surfaces;
         let surface = &surfaces.lane(lane);
+        sum.shaded += 1.0;
         // Beer's law over the way through the solid that ends here.
         path.throughput *= (-Vec3::from(surface.absorption) * hit.t).exp();
 

@@ -118,6 +118,8 @@ pub struct PixelSum {
     pub albedo: Vec3,
     /// Number of samples that hit something.
     pub hits: f32,
+    /// Number of points that were shaded.
+    pub shaded: f32,
     /// Identifiers of the first sample's first hit.
     pub first: Option<FirstHit>,
 }

@@ -10,6 +10,8 @@ use heliostat_scene::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::luminaire::{Beam, Luminaire};
+
 /// One change. Handles are the numbers that the scene's loader gave out; the same file gives the same numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
@@ -95,15 +97,19 @@ pub enum Lamp {
         direction: [f32; 3],
         irradiance: [f32; 3],
     },
-    /// A measured light that the scene came with, elsewhere or brighter.
+    /// A measured light: of this make, or else the one that is there or came with the scene, elsewhere or brighter.
     Profile {
         position: [f32; 3],
         scale: [f32; 3],
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        make: Option<Luminaire>,
     },
-    /// A projector that the scene came with, elsewhere or brighter.
+    /// A projector: of this make, or else the one that is there or came with the scene, elsewhere or brighter.
     Projector {
         position: [f32; 3],
         intensity: [f32; 3],
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        make: Option<Beam>,
     },
 }
 
@@ -125,6 +131,22 @@ impl Own {
             environment: scene.environment().clone(),
             lights: lights.map(|(id, light)| (*id, light.kind.clone())).collect(),
         }
+    }
+
+    /// A change that stands for itself: one of a measured light or projector that the scene did not come with says all of
+    /// what that is, as it is in the scene of now.
+    pub(crate) fn complete(&self, mut change: Change, scene: &Scene) -> Change {
+        if let Change::Light { light, to: Some(lamp), .. } = &mut change
+            && lamp.kind(self.lights.get(&LightId(*light))).is_none()
+            && let Some(now) = scene.lights().get(&LightId(*light))
+        {
+            match lamp {
+                Lamp::Profile { make, .. } => *make = Luminaire::of(&now.kind),
+                Lamp::Projector { make, .. } => *make = Beam::of(&now.kind),
+                _ => {}
+            }
+        }
+        change
     }
 }
 
@@ -226,6 +248,44 @@ impl Change {
         })
     }
 
+    /// Leaves out what an earlier change of the same light says already, up to which nothing else has happened to it.
+    pub(crate) fn shorten(&mut self, earlier: &Self) {
+        let (Self::Light { to: Some(lamp), .. }, Self::Light { to: Some(before), .. }) = (self, earlier)
+        else {
+            return;
+        };
+        match (lamp, before) {
+            (Lamp::Profile { make, .. }, Lamp::Profile { make: known, .. }) if make == known => *make = None,
+            (Lamp::Projector { make, .. }, Lamp::Projector { make: known, .. }) if make == known => {
+                *make = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether it leaves out what the light is made of.
+    pub(crate) fn is_short(&self) -> bool {
+        let Self::Light { to: Some(lamp), .. } = self else { return false };
+        matches!(lamp, Lamp::Profile { make: None, .. } | Lamp::Projector { make: None, .. })
+    }
+
+    /// Takes over what only an earlier change of the same light says, which this one replaces.
+    pub(crate) fn lengthen(&mut self, earlier: &Self) {
+        let (Self::Light { to: Some(lamp), .. }, Self::Light { to: Some(before), .. }) = (self, earlier)
+        else {
+            return;
+        };
+        match (lamp, before) {
+            (Lamp::Profile { make: make @ None, .. }, Lamp::Profile { make: known, .. }) => {
+                make.clone_from(known);
+            }
+            (Lamp::Projector { make: make @ None, .. }, Lamp::Projector { make: known, .. }) => {
+                make.clone_from(known);
+            }
+            _ => {}
+        }
+    }
+
     /// For menus: what this does.
     pub fn label(&self) -> &'static str {
         match self {
@@ -307,10 +367,10 @@ impl Lamp {
                 Self::Directional { direction: direction.to_array(), irradiance: irradiance.to_array() }
             }
             LightKind::Profile { position, scale, .. } => {
-                Self::Profile { position: position.to_array(), scale: scale.to_array() }
+                Self::Profile { position: position.to_array(), scale: scale.to_array(), make: None }
             }
             LightKind::Projector { position, intensity, .. } => {
-                Self::Projector { position: position.to_array(), intensity: intensity.to_array() }
+                Self::Projector { position: position.to_array(), intensity: intensity.to_array(), make: None }
             }
         }
     }
@@ -338,8 +398,14 @@ impl Lamp {
             (&Self::Directional { direction, irradiance }, _) => {
                 LightKind::Directional { direction: direction.into(), irradiance: irradiance.into() }
             }
+            (Self::Profile { position, scale, make: Some(make) }, _) => {
+                make.light((*position).into(), (*scale).into())
+            }
+            (Self::Projector { position, intensity, make: Some(make) }, _) => {
+                make.light((*position).into(), (*intensity).into())
+            }
             (
-                Self::Profile { position, scale },
+                Self::Profile { position, scale, .. },
                 Some(LightKind::Profile { world_from_light, profile, range, .. }),
             ) => LightKind::Profile {
                 position: (*position).into(),
@@ -349,7 +415,7 @@ impl Lamp {
                 range: *range,
             },
             (
-                Self::Projector { position, intensity },
+                Self::Projector { position, intensity, .. },
                 Some(LightKind::Projector { world_from_light, vertical_fov, image, range, .. }),
             ) => LightKind::Projector {
                 position: (*position).into(),

@@ -104,18 +104,21 @@ impl Document {
         changes
     }
 
-    /// Changes the scene. Changes of the same `gesture` in a row are undone together.
+    /// Changes the scene. Changes of the same `gesture` in a row are undone together. Returns the change with all that
+    /// makes it stand for itself.
     ///
     /// # Errors
     /// When the scene or the backend refuses; both are then as before.
-    pub(crate) fn change(&mut self, change: Change, gesture: u64) -> Result<ApplyReport, Refusal> {
+    pub(crate) fn change(&mut self, change: Change, gesture: u64) -> Result<(Change, ApplyReport), Refusal> {
         let back = change.inverse(&self.scene, &self.surroundings).map_err(Refusal)?;
+        let [change, back] = [change, back].map(|change| self.own.complete(change, &self.scene));
         let light = match &change {
             Change::Light { light, .. } => self.scene.lights().get(&LightId(*light)).cloned(),
             _ => None,
         };
         let report = self.perform(&change)?;
         self.redo.clear();
+        let done = change.clone();
         match self.undo.back_mut() {
             Some(step) if step.gesture == gesture && step.forward.same_target(&change) => {
                 step.forward = change;
@@ -128,7 +131,7 @@ impl Document {
             self.forgotten.retain(|earlier| !earlier.same_target(&step.forward));
             self.forgotten.push(step.forward);
         }
-        Ok(report)
+        Ok((done, report))
     }
 
     /// Takes the last step back; `None` if there is none.
@@ -259,7 +262,15 @@ pub(crate) mod tests {
         let remove = Change::Light { light: 5, name: String::new(), to: None };
         document.change(remove, 1).expect("accepted");
         assert!(!document.scene().lights().contains_key(&LightId(5)));
+        // What is kept of it says all of it: a replay can bring it into the scene as it came.
         document.undo().expect("accepted").expect("a step");
+        let text = serde_json::to_string(&document.changes()[0]).expect("JSON");
+        let change: Change = serde_json::from_str(&text).expect("a change");
+        let mut scene = Scene::default();
+        scene.apply(&heliostat_builtin::build("cornell").expect("built in")).expect("valid");
+        let edit = change.edit(&scene, &Own::of(&scene)).expect("it stands for itself");
+        let whole = Edit::Light(LightId(5), document.scene().lights()[&LightId(5)].clone());
+        assert_eq!(format!("{edit:?}"), format!("{whole:?}"));
         document.undo().expect("accepted").expect("a step");
         assert_eq!(document.scene().lights()[&LightId(5)], light);
         document.redo().expect("accepted").expect("a step");

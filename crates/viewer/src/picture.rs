@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use heliostat_scene::{Frame, Plane, PlaneData};
+use heliostat_shading::heat_color;
 
 use crate::gizmo::Line;
 use crate::stats::Stats;
@@ -21,6 +22,8 @@ pub struct Picture {
     pub exposure: f32,
     /// Frames of which it is the mean; more than one only when nothing moves.
     pub frames: u32,
+    /// Number of the picture of the first of these frames.
+    pub first: u64,
     /// Whether it stands still: the next one shows the same, with less noise.
     pub still: bool,
     /// Whether no better one will come until something changes.
@@ -37,8 +40,24 @@ pub struct Picture {
     pub input: u64,
 }
 
+/// Share of the pixels of a heat map that may count more than what is white.
+const BRIGHTEST: f32 = 0.01;
+
+/// Mean of a plane of counts, and the count that its heat map shows white: one that few pixels exceed. `None` for other
+/// planes.
+pub(crate) fn count_range(plane: &PlaneData) -> Option<[f32; 2]> {
+    let mut values: Vec<f32> = plane.values.iter().copied().filter(|v| v.is_finite()).collect();
+    if !plane.plane.is_count() || values.is_empty() {
+        return None;
+    }
+    let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+    let place = ((values.len() - 1) as f32 * (1.0 - BRIGHTEST)) as usize;
+    let (_, white, _) = values.select_nth_unstable_by(place, f32::total_cmp);
+    Some([mean as f32, white.max(1.0)])
+}
+
 /// A plane as colours from 0 to 1: depth and position over their range, normals as 0.5 + 0.5 n, identifiers as distinct
-/// colours, the rest as it is.
+/// colours, counts in false colours up to one that few pixels exceed, the rest as it is.
 pub fn plane_colors(plane: &PlaneData) -> Vec<Vec3> {
     let finite = || plane.values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max));
@@ -57,6 +76,10 @@ pub fn plane_colors(plane: &PlaneData) -> Vec<Vec3> {
         Plane::ObjectId | Plane::InstanceId | Plane::MaterialId => {
             plane.values.iter().map(|&id| identity_color(id as u32)).collect()
         }
+        Plane::Nodes | Plane::Triangles | Plane::Cost => {
+            let white = count_range(plane).map_or(1.0, |[_, white]| white);
+            plane.values.iter().map(|&count| heat_color(count / white)).collect()
+        }
     }
 }
 
@@ -71,10 +94,13 @@ fn identity_color(id: u32) -> Vec3 {
     value * (Vec3::splat(0.25) + 0.75 * Vec3::new(channel(0.0), channel(4.0), channel(2.0)))
 }
 
-/// The bytes of a shown plane. Albedo is a colour and gets the sRGB curve; everything else is data and stays as it is.
+/// The bytes of a shown plane. Albedo and the false colours of counts get the sRGB curve; everything else is data and
+/// stays as it is.
 pub fn plane_bytes(colors: &[Vec3], plane: Plane) -> Vec<u8> {
     let curve = |l: f32| if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-    let encode = |v: f32| if plane == Plane::Albedo { curve(v.clamp(0.0, 1.0)) } else { v.clamp(0.0, 1.0) };
+    let encode = |v: f32| {
+        if plane == Plane::Albedo || plane.is_count() { curve(v.clamp(0.0, 1.0)) } else { v.clamp(0.0, 1.0) }
+    };
     colors.iter().flat_map(|c| c.to_array().map(|v| (encode(v) * 255.0 + 0.5) as u8)).collect()
 }
 
@@ -137,6 +163,14 @@ mod tests {
         assert_eq!(plane_colors(&normal), [Vec3::new(0.5, 1.0, 0.0)]);
         let depth = PlaneData { plane: Plane::Depth, values: vec![0.0, 1.0, 2.0] };
         assert_eq!(plane_colors(&depth)[0], Vec3::ZERO);
+        let counts: Vec<f32> = (0..=200).map(|i| i as f32).chain([1e6]).collect();
+        let counts = PlaneData { plane: Plane::Nodes, values: counts };
+        let [mean, white] = count_range(&counts).expect("counts");
+        assert!((198.0..=200.0).contains(&white) && mean > 100.0, "{mean} {white}");
+        let colors = plane_colors(&counts);
+        let light: Vec<f32> = colors.iter().map(|c| c.dot(Vec3::new(0.2126, 0.7152, 0.0722))).collect();
+        assert!(light[0] < 1e-3 && light[201] > 0.99 && light[50] < light[100] && light[100] < light[150]);
+        assert_eq!(count_range(&depth), None);
         let ids = PlaneData { plane: Plane::InstanceId, values: vec![0.0, 1.0, 2.0] };
         let colors = plane_colors(&ids);
         assert!(colors[0] == Vec3::ZERO && colors[1] != colors[2]);

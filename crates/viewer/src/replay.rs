@@ -343,9 +343,16 @@ impl Replay {
         let due =
             self.changes.iter().filter(|timed| from.is_none_or(|from| timed.at > from) && timed.at <= to);
         // Edits of one list see the scene as it was: of several for one thing the last must stand alone.
-        let mut last: Vec<&Change> = Vec::new();
+        let mut last: Vec<Change> = Vec::new();
         for Timed { change, .. } in due {
-            last.retain(|earlier| !earlier.same_target(change));
+            let mut change = change.clone();
+            last.retain(|earlier| {
+                let same = earlier.same_target(&change);
+                if same {
+                    change.lengthen(earlier);
+                }
+                !same
+            });
             last.push(change);
         }
         last.into_iter().map(|change| change.edit(scene, own).map_err(Refusal)).collect()
@@ -388,10 +395,19 @@ impl Recorder {
         true
     }
 
-    pub(crate) fn change(&mut self, at: f64, change: Change) {
-        if self.changes.len() < MAX_ENTRIES {
-            self.changes.push(Timed { at, change });
+    /// Notes a change. What a light is made of is noted once, not with every step of a drag.
+    pub(crate) fn change(&mut self, at: f64, mut change: Change) {
+        if self.changes.len() >= MAX_ENTRIES {
+            return;
         }
+        if let Change::Light { to: Some(_), .. } = &change {
+            let earlier = || self.changes.iter().rev().map(|timed| &timed.change);
+            let mut of_light = earlier().filter(|earlier| earlier.same_target(&change));
+            // Those that say less have been shortened by the one before them.
+            let known = of_light.find(|earlier| !earlier.is_short()).cloned();
+            known.iter().for_each(|known| change.shorten(known));
+        }
+        self.changes.push(Timed { at, change });
     }
 
     /// Length so far.
@@ -459,6 +475,51 @@ mod tests {
         };
         assert_eq!((edits(None, 0.0), edits(Some(0.0), 0.6)), (vec![1.0], vec![3.0]));
         assert!(edits(Some(0.6), 9.0).is_empty());
+    }
+
+    #[test]
+    fn foreign_lights_are_told_once_and_whole() {
+        use heliostat_scene::{Image, Light, LightId, LightKind};
+        let image = std::sync::Arc::new(Image::rgba8(1, 1, vec![9, 200, 30, 255]));
+        let beam = |x: f32| LightKind::Projector {
+            position: Vec3::X * x,
+            world_from_light: glam::Mat3::IDENTITY,
+            intensity: Vec3::ONE,
+            vertical_fov: 0.6,
+            image: image.clone(),
+            range: f32::INFINITY,
+        };
+        let mut scene = Scene::default();
+        scene.apply(&heliostat_builtin::build("cornell").expect("built in")).expect("valid");
+        let own = Own::of(&scene);
+        let mut with = scene.clone();
+        with.apply(&[Edit::Light(LightId(7), Light { name: "beam".into(), kind: beam(0.0) })])
+            .expect("valid");
+        let moved = |x: f32| {
+            let to = Some(crate::change::Lamp::of(&beam(x)));
+            own.complete(Change::Light { light: 7, name: "beam".into(), to }, &with)
+        };
+        let removed = Change::Light { light: 7, name: String::new(), to: None };
+        let mut recorder = Recorder::new(Vec::new());
+        recorder.view(key(0.0, 0.0, 0.0));
+        for (at, change) in
+            [(0.1, moved(1.0)), (0.2, moved(2.0)), (0.3, moved(3.0)), (0.4, removed), (0.5, moved(4.0))]
+        {
+            recorder.change(at, change);
+        }
+        let (keys, changes) = recorder.snapshot();
+        let replay = Replay::new("cornell".into(), "igi".into(), [64, 48], keys, changes);
+        let text = replay.to_json();
+        assert_eq!(text.matches("rgba8").count(), 2, "told when it comes, and when it comes again: {text}");
+        let replay = Replay::from_json(&text).expect("valid");
+        let edits = |scene: &Scene, from, to| replay.edits(scene, &own, from, to).expect("it is whole");
+        let light = |x: f32| {
+            format!("{:?}", vec![Edit::Light(LightId(7), Light { name: "beam".into(), kind: beam(x) })])
+        };
+        // All at once into the scene as it came, step by step, and anew after it was gone.
+        assert_eq!(format!("{:?}", edits(&scene, None, 0.35)), light(3.0));
+        assert_eq!(format!("{:?}", edits(&with, Some(0.15), 0.25)), light(2.0));
+        assert_eq!(format!("{:?}", edits(&scene, Some(0.35), 0.6)), light(4.0));
     }
 
     #[test]

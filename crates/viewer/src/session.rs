@@ -168,7 +168,7 @@ impl Session {
             watchers: AtomicUsize::new(0),
             refining: Mutex::new(None),
         });
-        let worker = Worker::new(host, shared.clone(), options);
+        let worker = Worker::new(host, shared.clone(), options)?;
         let builder = std::thread::Builder::new().name("heliostat-session".into()).stack_size(STACK_BYTES);
         let thread = builder.spawn(move || worker.run());
         let thread = thread.map_err(|error| Refusal(format!("cannot start a thread: {error}")))?;

@@ -339,7 +339,7 @@ impl Stage {
     }
 
     pub(crate) fn change(&mut self, change: Change, gesture: u64) -> Result<Effect, Refusal> {
-        let report = self.document.change(change.clone(), gesture)?;
+        let (change, report) = self.document.change(change, gesture)?;
         self.note(change);
         self.reselect();
         Ok(Effect::applied(report))

@@ -32,6 +32,8 @@ pub struct Stats {
     pub scale: f32,
     /// Light paths that started virtual point lights, of all sets together; 0 for other renderers.
     pub light_paths: u32,
+    /// Where a heat map of counts is shown: their mean, and the count that is white.
+    pub counts: Option<[f32; 2]>,
     /// What the latest edits rebuilt, and in how many milliseconds.
     pub rebuilt: Vec<(String, f64)>,
 }

@@ -12,7 +12,7 @@ use crate::governor::Governor;
 use crate::host::{Host, Opened, Source};
 use crate::input::Input;
 use crate::navigator::Mode;
-use crate::picture::{Picture, plane_bytes, plane_colors};
+use crate::picture::{Picture, count_range, plane_bytes, plane_colors};
 use crate::refine::Refinement;
 use crate::replay::Replay;
 use crate::session::{Inbox, SessionOptions, Shared};
@@ -42,6 +42,9 @@ pub(crate) struct Worker {
     host: Arc<dyn Host>,
     shared: Arc<Shared>,
     options: SessionOptions,
+    /// For tone curves and filters. Its threads stay: allocators keep memory for each, and new ones for every picture would
+    /// make it more and more.
+    pool: rayon::ThreadPool,
     stage: Option<Stage>,
     opening: Option<Opening>,
     governor: Governor,
@@ -49,8 +52,9 @@ pub(crate) struct Worker {
     meter: Meter,
     state: State,
     messages: u64,
-    /// Number of the last picture and of the last input that it shows.
+    /// Number of the last picture, of the first one of what stands still, and of the last input that it shows.
     pictures: u64,
+    first: u64,
     input: u64,
     /// When something last moved, and when time was last advanced.
     moved: Instant,
@@ -82,9 +86,21 @@ impl Drop for Opening {
 }
 
 impl Worker {
-    pub(crate) fn new(host: Arc<dyn Host>, shared: Arc<Shared>, options: SessionOptions) -> Self {
+    /// # Errors
+    /// When no threads can be started.
+    pub(crate) fn new(
+        host: Arc<dyn Host>,
+        shared: Arc<Shared>,
+        options: SessionOptions,
+    ) -> Result<Self, Refusal> {
         let now = Instant::now();
-        Self {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.threads)
+            .thread_name(|i| format!("heliostat-finish-{i}"))
+            .build()
+            .map_err(|error| Refusal(format!("cannot start {} threads: {error}", options.threads)))?;
+        Ok(Self {
+            pool,
             host,
             shared,
             options,
@@ -96,6 +112,7 @@ impl Worker {
             state: State::default(),
             messages: 0,
             pictures: 0,
+            first: 0,
             input: 0,
             moved: now,
             last: now,
@@ -104,7 +121,7 @@ impl Worker {
             shown: None,
             dirty: false,
             done: false,
-        }
+        })
     }
 
     /// Until the session ends.
@@ -395,19 +412,22 @@ impl Worker {
         }
         let frames = if still { self.refinement.frames() } else { 1 };
         self.dirty &= still;
-        let threads = self.options.threads;
         if stage.plane.is_none() {
             let planes = std::mem::take(&mut frame.planes);
-            stage.finish.apply(&mut frame, if still { self.refinement.planes() } else { &planes }, threads);
+            let planes = if still { self.refinement.planes() } else { &planes };
+            self.pool.install(|| stage.finish.apply(&mut frame, planes));
         }
         let (rgb, exposure) = match (stage.plane, frame.planes.first()) {
-            (Some(plane), Some(data)) => (plane_bytes(&plane_colors(data), plane), 0.0),
+            (Some(plane), Some(data)) => {
+                stats.counts = count_range(data);
+                (plane_bytes(&plane_colors(data), plane), 0.0)
+            }
             _ => {
                 // What is in colours for a display has its brightness already.
                 let usual = if stage.finish.shown { Some(0.0) } else { None };
                 let ev = stage.exposure.or(usual).unwrap_or_else(|| adapt(&frame, &mut self.exposure));
                 stage.shown_exposure = ev;
-                (stage.finish.tone.map(&frame.color, frame.width, ev, threads), ev)
+                (self.pool.install(|| stage.finish.tone.map(&frame.color, frame.width, ev)), ev)
             }
         };
         stats.tone = start.elapsed().as_secs_f64() * 1e3;
@@ -416,6 +436,9 @@ impl Worker {
             stats.light_paths = igi.paths * igi.interleave[0] * igi.interleave[1];
         }
         self.pictures += 1;
+        if frames == 1 {
+            self.first = self.pictures;
+        }
         self.done = still && (frames >= MAX_FRAMES || stage.plane.is_some());
         stage.record(camera);
         let picture = Picture {
@@ -423,6 +446,7 @@ impl Worker {
             rgb: Arc::new(rgb),
             exposure,
             frames,
+            first: self.first,
             still,
             done: self.done,
             view: stage.navigator.to_text(),

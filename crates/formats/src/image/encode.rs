@@ -108,7 +108,8 @@ fn components(plane: Plane) -> &'static [&'static str] {
         Plane::Normal | Plane::Position => &["X", "Y", "Z"],
         Plane::Albedo => &["R", "G", "B"],
         Plane::Alpha => &["A"],
-        _ => &["id"],
+        Plane::ObjectId | Plane::InstanceId | Plane::MaterialId => &["id"],
+        Plane::Nodes | Plane::Triangles | Plane::Cost => &["count"],
     }
 }
 

@@ -21,6 +21,7 @@ use crate::point::Points;
 use crate::surface::LaneMode;
 
 pub(crate) use builtin::cube_helix;
+pub use builtin::heat_color;
 pub use inputs::{Input, Inputs};
 pub(crate) use registry::Bound;
 pub use registry::{PluginSource, ShaderProblem, ShaderRegistry};

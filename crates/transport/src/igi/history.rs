@@ -73,10 +73,16 @@ impl History {
         Self { camera, size, pixels, frames: 1, doubt: 0 }
     }
 
-    /// After another picture, of any size.
-    pub fn advance(&mut self, camera: CameraRays, size: (u32, u32), pixels: Vec<Remembered>) {
+    /// After another picture, of any size. Returns the pixels of the one before, which nobody needs any more.
+    pub fn advance(
+        &mut self,
+        camera: CameraRays,
+        size: (u32, u32),
+        pixels: Vec<Remembered>,
+    ) -> Vec<Remembered> {
         let frames = if self.doubt > 0 { 0 } else { self.frames.wrapping_add(1) };
-        *self = Self { camera, size, pixels, frames, doubt: self.doubt.saturating_sub(1) };
+        let now = Self { camera, size, pixels, frames, doubt: self.doubt.saturating_sub(1) };
+        std::mem::replace(self, now).pixels
     }
 
     /// Pictures so far. Each takes light paths of its own; but while the past is in doubt all take the same, or the little

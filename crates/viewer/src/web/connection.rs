@@ -56,8 +56,9 @@ struct Connection {
     flying: VecDeque<(u64, Instant)>,
     quality: u8,
     sent_picture: u64,
-    /// Frames in the last still picture sent; 0 after a moving one.
+    /// Frames in the last still picture sent, and the number of the first of them; 0 after a moving one.
     sent_frames: u32,
+    sent_first: u64,
     sent_state: u64,
     state_at: Option<Instant>,
     sent_viewers: u64,
@@ -88,6 +89,7 @@ pub(super) async fn run(app: Arc<App>, mut socket: WebSocket) {
         quality: QUALITIES[1],
         sent_picture: 0,
         sent_frames: 0,
+        sent_first: 0,
         sent_state: 0,
         state_at: None,
         sent_viewers: 0,
@@ -116,18 +118,20 @@ impl Connection {
         loop {
             let pause = self.pump().await?;
             tokio::select! {
+                // What has been said counts before it is asked for how long nothing was: this machine may have been busy.
+                biased;
                 message = self.socket.recv() => match message {
                     Some(Ok(message)) => self.take(message).await?,
                     // Broken rules of the protocol end here too.
                     Some(Err(_)) | None => return Err(End::Gone),
                 },
-                changed = news.changed() => changed.map_err(|_| End::Gone)?,
                 _ = tick.tick() => {
                     if self.seen.elapsed() > PATIENCE {
                         return Err(End::Because(close_code::POLICY, "no answer"));
                     }
                     self.send(Message::Ping(Vec::new().into())).await?;
                 }
+                changed = news.changed() => changed.map_err(|_| End::Gone)?,
                 // A state that had to wait is due.
                 () = tokio::time::sleep(pause.unwrap_or(PATIENCE)) => {}
             }
@@ -266,6 +270,8 @@ impl Connection {
             && self.flying.len() < IN_FLIGHT
             && (!picture.still
                 || self.sent_frames == 0
+                // A later stand-still, the beginning of which came too fast for this browser.
+                || picture.first != self.sent_first
                 || picture.frames <= self.sent_frames
                 || better(picture.frames))
     }
@@ -296,6 +302,7 @@ impl Connection {
         }
         self.sent_picture = picture.number;
         self.sent_frames = if picture.still { picture.frames } else { 0 };
+        self.sent_first = picture.first;
         self.flying.push_back((picture.number, Instant::now()));
         let message = picture_message(picture, &packed, self.shown_input);
         self.send(Message::Binary(message.into())).await

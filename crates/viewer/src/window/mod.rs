@@ -468,6 +468,7 @@ impl Face<'_> {
                 "render {:.1} ms, edits {:.1} ms, tone {:.1} ms",
                 stats.render, stats.apply, stats.tone
             ));
+            lines.extend(stats.counts.map(|[mean, white]| format!("mean {mean:.1}, white {white:.0}")));
             lines.extend(
                 stats.rebuilt.iter().take(3).map(|(what, time)| format!("rebuilt {what} {time:.1} ms")),
             );

@@ -45,6 +45,15 @@ pub(crate) fn cube_helix<F: Real>(x: F) -> Vector<F> {
     ))
 }
 
+/// The colour that false colours give to a quantity from 0 (black) to 1 (white), linear Rec. 709: a path through blue, green
+/// and red along which lightness grows steadily.
+///
+/// # References
+/// Green, "A Colour Scheme for the Display of Astronomical Intensity Images", 2011, equation 2.
+pub fn heat_color(x: f32) -> glam::Vec3 {
+    cube_helix(x).into()
+}
+
 /// Linear values of sRGB-encoded ones.
 #[inline(always)]
 fn decoded<F: Real>(encoded: Vector<F>) -> Vector<F> {

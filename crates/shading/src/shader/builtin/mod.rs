@@ -17,6 +17,7 @@ mod toon;
 mod wood;
 
 pub(crate) use false_color::cube_helix;
+pub use false_color::heat_color;
 
 use super::{Parameter, ShaderInfo, ShaderRegistry};
 use crate::closure::Closure;

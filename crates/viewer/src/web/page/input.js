@@ -18,7 +18,11 @@ function pointers(app, canvas) {
   };
   const pointer = (phase, event) =>
     app.send({ do: 'pointer', phase, at: at(event), button: event.button === 2 || event.button === 1 || event.shiftKey ? 'pan' : 'turn' });
+  // Several movements between two pictures are one; what waits is done before a finger comes or goes, or it would be lost.
+  let waiting = null;
+  const flush = () => { const last = waiting; waiting = null; if (last) move(last); };
   canvas.addEventListener('pointerdown', event => {
+    flush();
     canvas.focus();
     canvas.setPointerCapture(event.pointerId);
     held.set(event.pointerId, event);
@@ -27,12 +31,10 @@ function pointers(app, canvas) {
     if (held.size === 2) { pointer('up', event); pinch = spread(held); }
     event.preventDefault();
   });
-  // Several movements between two pictures are one.
-  let waiting = null;
   canvas.addEventListener('pointermove', event => {
     if (!held.has(event.pointerId)) return;
     held.set(event.pointerId, event);
-    if (!waiting) requestAnimationFrame(() => { const last = waiting; waiting = null; if (last && held.size) move(last); });
+    if (!waiting) requestAnimationFrame(flush);
     waiting = event;
   });
   const move = event => {
@@ -45,6 +47,7 @@ function pointers(app, canvas) {
     pinch = now;
   };
   const end = event => {
+    flush();
     if (!held.delete(event.pointerId)) return;
     if (held.size === 0) { if (!pinch) pointer('up', event); pinch = null; }
   };

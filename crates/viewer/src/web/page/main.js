@@ -103,8 +103,11 @@ function loading(progress) {
 async function show(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const bitmap = await createImageBitmap(new Blob([new Uint8Array(buffer, 4 + length)], { type: header.kind }));
+  const packed = new Blob([new Uint8Array(buffer, 4 + length)], { type: header.kind });
+  // One that a browser cannot decode, as when it is out of memory, is left out like one that came too late.
+  const bitmap = await createImageBitmap(packed).catch(() => null);
   app.tell({ shown: header.number });
+  if (!bitmap) return;
   // Decoding takes a while: a later picture may have come in between.
   if (app.header && header.number < app.header.number && app.header.number - header.number < 1000) return bitmap.close();
   app.box = fitting(header);

@@ -22,7 +22,7 @@ export class Overlay {
     this.times.push(s.render);
     if (this.times.length > 90) this.times.shift();
     if (s.rebuilt.length) this.rebuilt = s.rebuilt;
-    const ms = n => n.toFixed(1).padStart(6);
+    const ms = n => n.toFixed(1).padStart(7);
     const rows = [
       `${header.width}×${header.height}  ${header.still ? `${header.frames} frames${header.done ? ', done' : ''}` : `${s.fps.toFixed(1)} fps`}`,
       `${(s.rays_per_second / 1e6).toFixed(1)} Mrays/s  ${(s.rays / 1e6).toFixed(2)} M rays`,
@@ -31,6 +31,7 @@ export class Overlay {
       `latency${ms(this.app.latency)} ms`,
     ];
     if (s.light_paths) rows.push(`${s.light_paths} light paths`);
+    if (s.counts) rows.push(`${this.app.state?.scene?.plane ?? 'counts'} ${s.counts[0].toFixed(1)}, white ${s.counts[1].toFixed(0)}`);
     for (const [what, time] of this.rebuilt.slice(0, 3)) rows.push(`↻ ${what.slice(0, 26)} ${time.toFixed(1)} ms`);
     $('figures').textContent = rows.join('\n');
     this.history();

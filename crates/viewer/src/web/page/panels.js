@@ -4,6 +4,8 @@ import { Looks } from './looks.js';
 import { chosen, open } from './upload.js';
 
 const $ = id => document.getElementById(id);
+/** Planes that count what pixels cost. */
+const HEAT = ['nodes', 'triangles', 'cost'];
 /** Light as a colour whose largest part is one, and a power of two. */
 const split = rgb => { const most = Math.max(...rgb); return most > 0 ? { hex: toHex(rgb.map(v => v / most)), power: Math.log2(most) } : { hex: '#ffffff', power: -99 }; };
 const join = (hex, power) => { const rgb = toLinear(hex), most = Math.max(...rgb, 1e-6); return rgb.map(v => v / most * 2 ** power); };
@@ -189,7 +191,7 @@ export class Panels {
     if (around.type === 'sky') { put('e-height', Math.round(around.elevation * 180 / Math.PI)); put('e-haze', around.turbidity); }
     $('e-sun').hidden = around.type !== 'sky';
     options('renderer', s.renderers.map(name => [name, name]), s.renderer);
-    options('plane', [['', 'the picture'], ...s.planes.map(name => [name, name])], s.plane ?? '');
+    options('plane', [['', 'the picture'], ...s.planes.map(name => [name, HEAT.includes(name) ? `heat map: ${name}` : name])], s.plane ?? '');
     this.looks.update(); check('auto', s.exposure === null);
     put('exposure', s.exposure ?? (this.app.header?.exposure ?? 0).toFixed(1));
     put('goal', s.goal ?? '');
