@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use heliostat::compare::{Comparison, Picture, Referred, compare};
+use heliostat::compare::{Picture, Referred, compare};
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::lighting;
 use heliostat::scene::{Backend, Camera, Frame, FrameRequest, IgiOptions, Progress};
@@ -13,6 +13,8 @@ use crate::result;
 
 /// How many times as long as a frame the ancestor may take for the same error before it is given up.
 const MOST_TIMES: f64 = 30.0;
+/// Numbers of paths that differ by no more than this factor are close enough to each other.
+const CLOSE: f64 = 1.1;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -25,7 +27,7 @@ pub(crate) struct Arguments {
     /// Samples per pixel of the reference, by path tracing
     #[arg(long, default_value_t = 256)]
     reference: u32,
-    /// Frames of each kind; medians are printed
+    /// Frames of each kind, each of a seed of its own; medians are printed
     #[arg(long, default_value_t = 5)]
     runs: u32,
     /// Replaces the tables between the marks of a page, as docs/igi.md has them
@@ -41,11 +43,14 @@ struct Contender {
     igi: IgiOptions,
 }
 
-/// A frame's cost and error.
+/// Cost and error of frames.
 struct Row {
     milliseconds: f64,
     rays_per_pixel: f64,
-    error: Comparison,
+    flip: f64,
+    relmse: f64,
+    /// Mean of all pixels over that of the reference, less one.
+    mean: f64,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
@@ -58,21 +63,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         let mut one = None;
         for contender in contenders() {
             let row = bench.measure(&contender, arguments.runs)?;
-            let [a, b] = [row.error.mean_a, row.error.mean_b].map(|mean| mean.iter().sum::<f64>());
             let _ = writeln!(
                 tables,
                 "| {} | {:.0} | {:.1} | {:.3} | {:.4} | {:+.1} % |",
                 contender.name,
                 row.milliseconds,
                 row.rays_per_pixel,
-                row.error.flip,
-                row.error.relmse,
-                100.0 * (a / b - 1.0)
+                row.flip,
+                row.relmse,
+                100.0 * row.mean
             );
-            one.get_or_insert((row.milliseconds, row.error.relmse));
+            one.get_or_insert(row);
         }
-        let (milliseconds, error) = one.unwrap_or_default();
-        let _ = writeln!(tables, "\n{}", bench.equal_error(milliseconds, error)?);
+        if let Some(one) = one {
+            let _ = writeln!(tables, "\n{}", bench.equal_error(&one)?);
+        }
     }
     result(tables.trim_end());
     match &arguments.page {
@@ -143,42 +148,71 @@ impl<'a> Bench<'a> {
         self.engine.render(&request, &Progress::new()).map_err(|error| error.to_string())
     }
 
-    /// The median of so many frames.
+    /// Medians of so many frames, each of a seed of its own.
     fn measure(&mut self, contender: &Contender, runs: u32) -> Result<Row, String> {
-        let mut frame = self.render(contender, 0)?;
-        let mut times = vec![frame.stats.milliseconds];
-        for _ in 1..runs {
-            frame = self.render(contender, 0)?;
-            times.push(frame.stats.milliseconds);
+        let mut rows = Vec::new();
+        for seed in 0..runs.max(1) {
+            let frame = self.render(contender, seed)?;
+            let error = compare(&picture(&frame), &self.reference).map_err(|error| error.to_string())?;
+            let [a, b] = [error.mean_a, error.mean_b].map(|mean| mean.iter().sum::<f64>());
+            let pixels = f64::from(frame.width) * f64::from(frame.height);
+            rows.push(Row {
+                milliseconds: frame.stats.milliseconds,
+                rays_per_pixel: frame.stats.rays as f64 / pixels,
+                flip: error.flip,
+                relmse: error.relmse,
+                mean: a / b - 1.0,
+            });
         }
-        let error = compare(&picture(&frame), &self.reference).map_err(|error| error.to_string())?;
-        let pixels = f64::from(frame.width) * f64::from(frame.height);
-        let rays_per_pixel = frame.stats.rays as f64 / pixels;
-        Ok(Row { milliseconds: median(&mut times), rays_per_pixel, error })
+        let of = |value: fn(&Row) -> f64| median(&mut rows.iter().map(value).collect::<Vec<_>>());
+        Ok(Row {
+            milliseconds: of(|row| row.milliseconds),
+            rays_per_pixel: of(|row| row.rays_per_pixel),
+            flip: of(|row| row.flip),
+            relmse: of(|row| row.relmse),
+            mean: of(|row| row.mean),
+        })
     }
 
-    /// What the ancestor takes for the same error: twice the paths until it is there.
-    fn equal_error(&mut self, milliseconds: f64, error: f64) -> Result<String, String> {
-        let mut paths = 8;
-        loop {
-            let igi = IgiOptions { paths, ..IgiOptions::default() };
-            let ancestor = Contender { name: String::new(), renderer: "instant-radiosity", samples: 1, igi };
-            let row = self.measure(&ancestor, 1)?;
-            let ratio = row.milliseconds / milliseconds;
-            if row.error.relmse <= error {
+    /// What the ancestor takes for the same error: twice the paths until it is there, then closer and closer between the
+    /// last two.
+    fn equal_error(&mut self, frame: &Row) -> Result<String, String> {
+        let mut worse = None;
+        let mut better = loop {
+            let paths = worse.as_ref().map_or(8, |&(paths, _)| 2 * paths);
+            let row = self.ancestor(paths)?;
+            let times = row.milliseconds / frame.milliseconds;
+            if row.relmse <= frame.relmse {
+                break (paths, times);
+            }
+            if times > MOST_TIMES || paths > 1 << 14 {
                 return Ok(format!(
-                    "`instant-radiosity` takes {paths} paths and {:.0} ms for a relMSE as small: {ratio:.1} times as long.",
-                    row.milliseconds
+                    "`instant-radiosity` with {paths} paths takes {times:.1} times as long and still has a relMSE of {:.4}.",
+                    row.relmse
                 ));
             }
-            if ratio > MOST_TIMES || paths > 1 << 14 {
-                return Ok(format!(
-                    "`instant-radiosity` with {paths} paths takes {ratio:.1} times as long and still has a relMSE of {:.4}.",
-                    row.error.relmse
-                ));
-            }
-            paths *= 2;
+            worse = Some((paths, times));
+        };
+        let Some(mut worse) = worse else {
+            return Ok(format!("`instant-radiosity` needs at most {} paths for a relMSE as small.", better.0));
+        };
+        while better.0 > worse.0 + 1 && f64::from(better.0) > CLOSE * f64::from(worse.0) {
+            let paths = f64::from(worse.0 * better.0).sqrt().round() as u32;
+            let row = self.ancestor(paths)?;
+            let end = if row.relmse <= frame.relmse { &mut better } else { &mut worse };
+            *end = (paths, row.milliseconds / frame.milliseconds);
         }
+        Ok(format!(
+            "`instant-radiosity` takes {} to {} paths for a relMSE as small: {:.1} to {:.1} times as long.",
+            worse.0, better.0, worse.1, better.1
+        ))
+    }
+
+    /// The ancestor with so many paths.
+    fn ancestor(&mut self, paths: u32) -> Result<Row, String> {
+        let igi = IgiOptions { paths, ..IgiOptions::default() };
+        let ancestor = Contender { name: String::new(), renderer: "instant-radiosity", samples: 1, igi };
+        self.measure(&ancestor, self.arguments.runs)
     }
 }
 

@@ -12,18 +12,21 @@ use crate::meter::Metered;
 use crate::queue::work_through;
 
 /// Renders all passes into a film and returns the number of rays. If frames go on from each other, `history` is what the
-/// frame before has left, and afterwards what this one leaves.
+/// frame before has left, and afterwards what this one leaves. `by_paths` takes a path from every point instead of virtual
+/// point lights.
 pub(crate) fn render(
     pool: &rayon::ThreadPool,
     view: &View<'_, Metered<'_>>,
     settings: &Settings,
     (options, film, progress): (&IgiOptions, &Film, &Progress),
+    by_paths: bool,
     history: &mut Option<History>,
 ) -> Result<u64, BackendError> {
     let size = film.size();
     let before = history.as_ref().filter(|_| options.accumulate);
     let passes_before = before.map_or(0, |history| history.frames().wrapping_mul(settings.samples));
-    let mut frame = pool.install(|| IgiFrame::new(view, settings, igi_settings(options), passes_before));
+    let mut frame =
+        pool.install(|| IgiFrame::new(view, settings, igi_settings(options, by_paths), passes_before));
     let regions = frame.regions(size.0, size.1);
     progress.start(regions.len() as u64 * u64::from(settings.samples));
     let rays = AtomicU64::new(0);
@@ -72,7 +75,7 @@ pub(crate) fn render(
     Ok(rays.into_inner())
 }
 
-fn igi_settings(options: &IgiOptions) -> IgiSettings {
+fn igi_settings(options: &IgiOptions, by_paths: bool) -> IgiSettings {
     IgiSettings {
         paths: options.paths,
         interleave: options.interleave,
@@ -82,6 +85,7 @@ fn igi_settings(options: &IgiOptions) -> IgiSettings {
         importance: options.importance,
         first_pass: options.first_pass,
         photons: options.photons,
+        by_paths,
     }
 }
 

@@ -6,16 +6,22 @@ use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH};
 use heliostat_shading::{Received, Surfaces, Taking};
 
-use super::Gathered;
+use super::importance;
+use super::paths::scaled;
 use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
+use super::{CLEAR_ALPHA, Gathered};
 use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
-/// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
-const CLEAR_ALPHA: f32 = 1e-2;
+/// Times what the eye sees of some points, the share of a set of virtual point lights that lights them.
+const FULL: f32 = 2.0;
+/// Times the weight of a ray whose light neighbours share, the chance that it is followed.
+const FOLLOWED: f32 = 8.0;
+/// Share of the mean importance that every virtual point light of a set has besides its own.
+const SOME_FLOOR: f32 = 0.1;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
@@ -24,7 +30,7 @@ const REACH: f32 = 1.0 - 1e-4;
 pub(super) struct Block {
     pub(super) surfaces: Surfaces,
     pub(super) count: usize,
-    pixels: [u32; WIDTH],
+    pub(super) pixels: [u32; WIDTH],
     /// What the eye sees of the point; zero for lanes without one.
     pub(super) weights: [Vec3; WIDTH],
     edges: [u32; WIDTH],
@@ -36,6 +42,8 @@ pub(super) struct Block {
     pub(super) point: [f32; 4],
     pub(super) irradiance: Vectors,
     gloss: Vectors,
+    /// Share of the virtual point lights, and of the short rays, that light it.
+    pub(super) share: f32,
     /// Lanes with a weight.
     alive: u16,
     /// Most edges of any lane.
@@ -280,11 +288,7 @@ impl<'a> ByVpls<'a> {
                 strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
                 straight: block.edges[lane] == 1,
             };
-            let pixel = &mut self.gathered[block.pixels[lane] as usize];
-            match block.alphas[lane] > CLEAR_ALPHA {
-                true => pixel.scattered += point.reflected(),
-                false => pixel.meet(point),
-            }
+            self.gathered[block.pixels[lane] as usize].arrive(block.alphas[lane], point);
         }
     }
 }
@@ -310,6 +314,51 @@ impl Asked {
     }
 }
 
+/// Which share of a set of virtual point lights is enough for blocks that the eye sees as faintly as these.
+fn share(blocks: &[Block]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0.0_f32);
+    for block in blocks {
+        for lane in lanes(block.alive) {
+            sum += luminance(block.weights[lane]);
+            count += 1.0;
+        }
+    }
+    (FULL * sum / count.max(1.0)).min(1.0)
+}
+
+/// A share of the virtual point lights of a set, chosen by what they would bring to a point of each block if nothing stood
+/// between, and strengthened by the inverse of their chance.
+fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], share: f32) -> Vec<Vpl> {
+    let points = || {
+        blocks.iter().filter(|block| block.alive != 0).map(|block| {
+            let lane = block.alive.trailing_zeros() as usize;
+            (block.surfaces.position(lane), block.surfaces.normal(lane), luminance(block.weights[lane]))
+        })
+    };
+    let mut importance: Vec<f32> = vpls
+        .iter()
+        .map(|vpl| {
+            points().map(|(position, normal, weight)| weight * vpl.irradiance(bound, position, normal)).sum()
+        })
+        .collect();
+    let budget = (share * vpls.len() as f32).max(1.0);
+    let floor = SOME_FLOOR * importance.iter().sum::<f32>() / vpls.len().max(1) as f32;
+    importance.iter_mut().for_each(|importance| *importance += floor);
+    let scale = importance::scale(importance.clone(), budget);
+    // Those under a comb of evenly spaced points of the running sum.
+    let [.., shift] = blocks.first().map_or([0.0; 4], |block| block.point);
+    let (mut sum, mut tooth, mut chosen) = (0.0, shift, Vec::new());
+    for (vpl, importance) in vpls.iter().zip(importance) {
+        let chance = (scale * importance).min(1.0);
+        sum += chance;
+        if sum > tooth && chance > 0.0 {
+            tooth += 1.0;
+            chosen.push(Vpl { source: scaled(vpl.source.clone(), 1.0 / chance), ..*vpl });
+        }
+    }
+    chosen
+}
+
 /// The lanes whose bits are set.
 fn lanes(mut mask: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -331,6 +380,13 @@ fn push(tile: &mut Tile, ways: &Vectors, mask: u16) {
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
     const SHARES_MIRRORS: bool = false;
+
+    fn chance(&self, weight: Vec3, alpha: f32) -> f32 {
+        match alpha > CLEAR_ALPHA {
+            true => (FOLLOWED * weight.max_element()).min(1.0),
+            false => 1.0,
+        }
+    }
 
     fn groups(&self) -> usize {
         self.vpls.sets.len()
@@ -366,10 +422,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
     }
 
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
-        match ray.alpha > CLEAR_ALPHA && radiance.is_finite() {
-            true => self.gathered[ray.pixel as usize].scattered += radiance,
-            false => sum.add_radiance(radiance),
-        }
+        self.gathered[ray.pixel as usize].find(ray.alpha, radiance, sum);
     }
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {
@@ -377,13 +430,22 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         const BLOCKS: usize = Tile::CAPACITY / WIDTH;
         for start in (0..self.used).step_by(BLOCKS) {
             let end = (start + BLOCKS).min(self.used);
-            for vpl in &vpls.sets[group] {
-                self.light(view, (vpl, vpls.bound), (start, end));
+            let share = share(&self.blocks[start..end]);
+            self.blocks[start..end].iter_mut().for_each(|block| block.share = share);
+            if share == 1.0 {
+                for vpl in &vpls.sets[group] {
+                    self.light(view, (vpl, vpls.bound), (start, end));
+                }
+            } else {
+                for vpl in some_of(&vpls.sets[group], vpls.bound, &self.blocks[start..end], share) {
+                    self.light(view, (&vpl, vpls.bound), (start, end));
+                }
             }
         }
         if self.compensate {
             let blocks = &mut self.blocks[..self.used];
-            self.traced += self.residual.add(view, &vpls.sets[group], vpls.bound, blocks);
+            let short = vpls.short_rays(group);
+            self.traced += self.residual.add(view, &vpls.sets[group], (vpls.bound, short), blocks);
         }
         for index in 0..self.used {
             self.catch(index);

@@ -8,6 +8,7 @@
 //! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002; Benthin, Wald,
 //! Slusallek, "A Scalable Approach to Interactive Global Illumination", 2003.
 
+mod by_paths;
 mod discontinuity;
 mod gather;
 mod history;
@@ -25,6 +26,7 @@ use heliostat_kernel::RayQuery;
 
 use crate::eye::EyeWalk;
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
+use by_paths::ByPaths;
 use discontinuity::Window;
 use gather::ByVpls;
 pub use history::{History, Remembered};
@@ -38,6 +40,9 @@ const DEFAULT_MAX_EDGES: u32 = 24;
 
 /// Passes whose light neighbours share.
 const FILTERED_PASSES: u32 = 16;
+
+/// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
+const CLEAR_ALPHA: f32 = 1e-2;
 
 /// Parameters of Instant Global Illumination.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +63,8 @@ pub struct IgiSettings {
     pub first_pass: u32,
     /// Photons of each pass, for light that mirrors and glass throw on other surfaces.
     pub photons: u32,
+    /// Whether every point is lit by a path of its own instead of virtual point lights and photons: for comparison.
+    pub by_paths: bool,
 }
 
 impl Default for IgiSettings {
@@ -73,6 +80,7 @@ impl Default for IgiSettings {
             importance: true,
             first_pass: 0,
             photons: 20_000,
+            by_paths: false,
         }
     }
 }
@@ -99,6 +107,22 @@ pub struct Gathered {
 }
 
 impl Gathered {
+    /// Takes the light of a point that was found on a way of a largest GGX `alpha`.
+    fn arrive(&mut self, alpha: f32, point: Self) {
+        match alpha > CLEAR_ALPHA {
+            true => self.scattered += point.reflected(),
+            false => self.meet(point),
+        }
+    }
+
+    /// Takes radiance that a ray found by itself on such a way, or adds it to the pixel's sum, which is not shared.
+    fn find(&mut self, alpha: f32, radiance: Vec3, sum: &mut PixelSum) {
+        match alpha > CLEAR_ALPHA && radiance.is_finite() {
+            true => self.scattered += radiance,
+            false => sum.add_radiance(radiance),
+        }
+    }
+
     /// Meets another point along the same ray: the one that matters more stays.
     fn meet(&mut self, mut point: Self) {
         if point.strength > self.strength {
@@ -163,6 +187,9 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
 
     /// The virtual point lights and photons of the pass.
     fn draw(&mut self) {
+        if self.igi.by_paths {
+            return;
+        }
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let [n, m] = self.igi.interleave;
         let paths = PathPlan {
@@ -194,12 +221,19 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
     /// Renders the pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
     /// number of rays is returned too.
     pub fn render(&self, region: &Region, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
-        let [n, m] = self.igi.interleave;
+        let sample = (self.sample(), self.pass == 0);
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
+        if self.igi.by_paths {
+            let lighting = ByPaths::new(self.view, sums.len(), max_edges);
+            let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
+            let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
+            let traced = traced + walk.lighting.traced();
+            return (walk.lighting.gathered, traced);
+        }
+        let [n, m] = self.igi.interleave;
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
         let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let sample = (self.sample(), self.pass == 0);
         let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
         let traced = traced + walk.lighting.traced();
         (walk.lighting.gathered, traced)

@@ -11,7 +11,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Floats, Vectors};
+use heliostat_shading::lanes::{Floats, Vectors, Whole};
 use heliostat_shading::{Cone, Lobes, Scattered, Selection, Surface};
 
 use super::gather::Block;
@@ -25,8 +25,8 @@ pub(super) struct Residual {
     samples: Scattered,
     origins: Vectors,
     rays: Vec<Ray>,
-    /// Block, lane and number for the choice of a light of each ray.
-    of: Vec<(u32, u32, f32)>,
+    /// Block, lane, number for the choice of a light, and what light is to be multiplied with, of each ray.
+    of: Vec<(u32, u32, f32, f32)>,
     hits: Vec<Hit>,
     /// Running sum of weights, direction, distance and radiance over weight of each light at a surface.
     lights: Vec<(f32, Vec3, f32, Vec3)>,
@@ -40,23 +40,21 @@ impl Residual {
     }
 
     /// Adds what is missing to the irradiance of all lanes of `blocks`, which `vpls` light with geometric terms of up to
-    /// `bound`. Returns the number of short rays.
+    /// `bound`. Each ray counts `times`, or none is sent. Returns the number of short rays.
     pub(super) fn add<Q: RayQuery + ?Sized>(
         &mut self,
         view: &View<'_, Q>,
         vpls: &[Vpl],
-        bound: f32,
+        (bound, times): (f32, Option<f32>),
         blocks: &mut [Block],
     ) -> u64 {
-        if !(bound.is_finite() && bound > 0.0) {
-            return 0;
-        }
-        self.shoot(blocks, bound.sqrt().recip());
+        let Some(times) = times.filter(|_| bound.is_finite() && bound > 0.0) else { return 0 };
+        self.shoot(blocks, bound.sqrt().recip(), times);
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
         view.query.intersect(&self.rays, &mut self.hits);
         for i in 0..self.hits.len() {
-            let (hit, ray, (block, lane, u_light)) = (&self.hits[i], &self.rays[i], self.of[i]);
+            let (hit, ray, (block, lane, u_light, times)) = (&self.hits[i], &self.rays[i], self.of[i]);
             if !hit.is_hit() {
                 continue;
             }
@@ -70,11 +68,12 @@ impl Residual {
             let chosen = self.choose(vpls, bound, &surface, u_light);
             let Some((wi, distance, radiance)) = chosen else { continue };
             let shadow = Ray { t_max: distance, ..Ray::new(surface.spawn(wi.into()).into(), wi) };
-            self.shadows.push(shadow, PendingLight { pixel: i as u32, radiance: radiance * missing });
+            let radiance = radiance * (missing * times);
+            self.shadows.push(shadow, PendingLight { pixel: i as u32, radiance });
         }
         let of = &self.of;
         self.shadows.trace(view.query, view.scene, |light| {
-            let (block, lane, _) = of[light.pixel as usize];
+            let (block, lane, ..) = of[light.pixel as usize];
             let (irradiance, lane) = (&mut blocks[block as usize].irradiance, lane as usize);
             irradiance.set(lane, irradiance.get(lane) + light.radiance);
         });
@@ -112,8 +111,8 @@ impl Residual {
         Some((wi, distance, albedo * color * total))
     }
 
-    /// A short ray for every lane that scatters diffusely.
-    fn shoot(&mut self, blocks: &[Block], reach: f32) {
+    /// A short ray for every lane that scatters diffusely, or for a share of them. Each counts `times`.
+    fn shoot(&mut self, blocks: &[Block], reach: f32, times: f32) {
         self.rays.clear();
         self.of.clear();
         let diffuse = Selection::ALL.among(Lobes::DIFFUSE);
@@ -125,12 +124,18 @@ impl Residual {
             block.surfaces.sample([&u_lobe, &u, &v], diffuse, block.count, &mut self.samples);
             block.surfaces.spawn(&self.samples.wi, block.count, &mut self.origins);
             for lane in 0..block.count {
-                if self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
+                let chosen = block.share == 1.0 || chance(block.pixels[lane]) < block.share;
+                if chosen && self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
                     let ray = Ray::new(self.origins.get(lane), self.samples.wi.get(lane));
                     self.rays.push(Ray { t_max: reach, ..ray });
-                    self.of.push((index as u32, lane as u32, u_light.0[lane]));
+                    self.of.push((index as u32, lane as u32, u_light.0[lane], times / block.share));
                 }
             }
         }
     }
+}
+
+/// A number in [0, 1) for a pixel.
+fn chance(pixel: u32) -> f32 {
+    (pixel.hashed() >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
