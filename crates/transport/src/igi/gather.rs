@@ -3,7 +3,7 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Vectors, WIDTH};
+use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::{Received, Surfaces, Taking};
 
 use super::importance;
@@ -30,7 +30,7 @@ const REACH: f32 = 1.0 - 1e-4;
 pub(super) struct Block {
     pub(super) surfaces: Surfaces,
     pub(super) count: usize,
-    pub(super) pixels: [u32; WIDTH],
+    pixels: [u32; WIDTH],
     /// What the eye sees of the point; zero for lanes without one.
     pub(super) weights: [Vec3; WIDTH],
     edges: [u32; WIDTH],
@@ -42,7 +42,7 @@ pub(super) struct Block {
     pub(super) point: [f32; 4],
     pub(super) irradiance: Vectors,
     gloss: Vectors,
-    /// Share of the virtual point lights, and of the short rays, that light it.
+    /// Share of the virtual point lights that light it, and of the lanes that short rays and photons light.
     pub(super) share: f32,
     /// Lanes with a weight.
     alive: u16,
@@ -252,12 +252,15 @@ impl<'a> ByVpls<'a> {
     /// Adds the light that photons have brought to a block's lanes.
     fn catch(&mut self, index: usize) {
         let block = &mut self.blocks[index];
-        for lane in (0..block.count).filter(|&lane| block.weights[lane] != Vec3::ZERO) {
+        for lane in lanes(block.alive) {
+            if !block.takes(lane) {
+                continue;
+            }
             let (position, normal) = (block.surfaces.position(lane), block.surfaces.normal(lane));
             let max_edges = self.max_edges.saturating_sub(block.edges[lane]);
             let irradiance = self.photons.irradiance(position, normal, max_edges);
             if irradiance != Vec3::ZERO {
-                let radiance = irradiance * std::f32::consts::FRAC_1_PI;
+                let radiance = irradiance * (std::f32::consts::FRAC_1_PI / block.share);
                 let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
                 block.irradiance.set(lane, block.irradiance.get(lane) + radiance);
                 // Rough lobes are taken for diffuse ones of the same albedo.
@@ -294,6 +297,12 @@ impl<'a> ByVpls<'a> {
 }
 
 impl Block {
+    /// Whether a lane is among the share of them that short rays and photons light.
+    pub(super) fn takes(&self, lane: usize) -> bool {
+        let chance = (self.pixels[lane].hashed() >> 8) as f32 * (1.0 / (1 << 24) as f32);
+        self.share == 1.0 || chance < self.share
+    }
+
     /// The lanes whose paths may have `max_edges` edges before the last one, as a bit each.
     fn short_enough(&self, max_edges: u32) -> u16 {
         if self.most_edges < max_edges {

@@ -11,13 +11,16 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Floats, Vectors, Whole};
+use heliostat_shading::lanes::{Floats, Vectors};
 use heliostat_shading::{Cone, Lobes, Scattered, Selection, Surface};
 
 use super::gather::Block;
 use super::vpl::Vpl;
 use crate::region::View;
 use crate::shadow::{PendingLight, ShadowBatch};
+
+/// Virtual point lights that are compared at a surface.
+const MOST_COMPARED: usize = 8;
 
 /// Scratch space of the estimate.
 #[derive(Debug, Default)]
@@ -80,8 +83,8 @@ impl Residual {
         self.rays.len() as u64
     }
 
-    /// Chooses a virtual point light in proportion to what it would add at a surface if nothing stood between: direction,
-    /// distance and radiance, over the probability of the choice.
+    /// Chooses a virtual point light in proportion to what it would add at a surface if nothing stood between, among some that
+    /// chance has taken: direction, distance and radiance, over the probability of the choice.
     fn choose(
         &mut self,
         vpls: &[Vpl],
@@ -92,8 +95,13 @@ impl Residual {
         let at = surface.position.into();
         let (normal, ng) = (Vec3::from(surface.bsdf.normal()), Vec3::from(surface.ng()));
         self.lights.clear();
+        // Every so many of them, from one that chance says; what is left of the number chooses among these.
+        let step = vpls.len().div_ceil(MOST_COMPARED).max(1);
+        let place = u * step as f32;
+        let first = (place as usize).min(step - 1);
+        let u = (place - first as f32).min(1.0 - f32::EPSILON);
         let mut total = 0.0;
-        for vpl in vpls {
+        for vpl in vpls.iter().skip(first).step_by(step) {
             let light = vpl.source.light(at);
             let cos = if ng.dot(light.wi) > 0.0 { normal.dot(light.wi).max(0.0) } else { 0.0 };
             let term = light.facing * cos;
@@ -108,7 +116,7 @@ impl Residual {
         let chosen = self.lights.partition_point(|light| light.0 <= u * total);
         let &(_, wi, distance, color) = self.lights.get(chosen)?;
         let albedo = Vec3::from(surface.bsdf.albedo_of(Selection::ALL));
-        Some((wi, distance, albedo * color * total))
+        Some((wi, distance, albedo * color * (total * step as f32)))
     }
 
     /// A short ray for every lane that scatters diffusely, or for a share of them. Each counts `times`.
@@ -124,8 +132,7 @@ impl Residual {
             block.surfaces.sample([&u_lobe, &u, &v], diffuse, block.count, &mut self.samples);
             block.surfaces.spawn(&self.samples.wi, block.count, &mut self.origins);
             for lane in 0..block.count {
-                let chosen = block.share == 1.0 || chance(block.pixels[lane]) < block.share;
-                if chosen && self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
+                if block.takes(lane) && self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
                     let ray = Ray::new(self.origins.get(lane), self.samples.wi.get(lane));
                     self.rays.push(Ray { t_max: reach, ..ray });
                     self.of.push((index as u32, lane as u32, u_light.0[lane], times / block.share));
@@ -133,9 +140,4 @@ impl Residual {
             }
         }
     }
-}
-
-/// A number in [0, 1) for a pixel.
-fn chance(pixel: u32) -> f32 {
-    (pixel.hashed() >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }

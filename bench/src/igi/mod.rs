@@ -1,5 +1,7 @@
 //! Instant Global Illumination against its ancestor and path tracing: error and time of single frames from scratch.
 
+mod sequences;
+
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -78,6 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         if let Some(one) = one {
             let _ = writeln!(tables, "\n{}", bench.equal_error(&one)?);
         }
+        let _ = writeln!(tables, "\n{}", sequences::table(&mut bench, scene)?);
     }
     result(tables.trim_end());
     match &arguments.page {
@@ -118,33 +121,38 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(name: &str, arguments: &'a Arguments) -> Result<Self, String> {
-        let scene = crate::motion::scene(name)?;
-        let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
-        engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
-        if !engine.scene().has_light() {
-            let light = lighting::default_light(engine.scene());
-            engine.apply(&light, &Progress::new()).map_err(|error| error.to_string())?;
-        }
+        let engine = engine(name)?;
         let camera = crate::motion::camera(&engine)?;
-        let empty = Picture { width: 0, height: 0, color: Vec::new(), referred: Referred::Scene };
-        let mut bench = Self { engine, camera, reference: empty, arguments };
-        let samples = arguments.reference.max(1);
-        // Another seed than that of the frames compared with it.
-        let reference =
-            Contender { name: String::new(), renderer: "path", samples, igi: IgiOptions::default() };
-        bench.reference = picture(&bench.render(&reference, 1)?);
+        let reference = Picture { width: 0, height: 0, color: Vec::new(), referred: Referred::Scene };
+        let mut bench = Self { engine, camera, reference, arguments };
+        bench.reference = bench.refer(&bench.camera.clone())?;
         Ok(bench)
     }
 
-    fn render(&mut self, contender: &Contender, seed: u32) -> Result<Frame, String> {
+    /// What a camera is to see.
+    fn refer(&mut self, camera: &Camera) -> Result<Picture, String> {
+        let samples = self.arguments.reference.max(1);
+        let contender =
+            Contender { name: String::new(), renderer: "path", samples, igi: IgiOptions::default() };
+        // Another seed than those of the frames compared with it.
+        let request = FrameRequest { camera: camera.clone(), ..self.request(&contender, u32::MAX) };
+        let frame = self.engine.render(&request, &Progress::new()).map_err(|error| error.to_string())?;
+        Ok(picture(&frame))
+    }
+
+    fn request(&self, contender: &Contender, seed: u32) -> FrameRequest {
         let [width, height] = [self.arguments.size[0], self.arguments.size[1]];
-        let request = FrameRequest {
+        FrameRequest {
             renderer: contender.renderer.into(),
             samples: contender.samples,
             igi: contender.igi,
             seed,
             ..FrameRequest::new(self.camera.clone(), width, height)
-        };
+        }
+    }
+
+    fn render(&mut self, contender: &Contender, seed: u32) -> Result<Frame, String> {
+        let request = self.request(contender, seed);
         self.engine.render(&request, &Progress::new()).map_err(|error| error.to_string())
     }
 
@@ -194,7 +202,10 @@ impl<'a> Bench<'a> {
             worse = Some((paths, times));
         };
         let Some(mut worse) = worse else {
-            return Ok(format!("`instant-radiosity` needs at most {} paths for a relMSE as small.", better.0));
+            return Ok(format!(
+                "`instant-radiosity` needs at most {} paths for a relMSE as small.",
+                better.0
+            ));
         };
         while better.0 > worse.0 + 1 && f64::from(better.0) > CLOSE * f64::from(worse.0) {
             let paths = f64::from(worse.0 * better.0).sqrt().round() as u32;
@@ -214,6 +225,18 @@ impl<'a> Bench<'a> {
         let ancestor = Contender { name: String::new(), renderer: "instant-radiosity", samples: 1, igi };
         self.measure(&ancestor, self.arguments.runs)
     }
+}
+
+/// An engine with a scene that has light.
+fn engine(name: &str) -> Result<Engine, String> {
+    let scene = crate::motion::scene(name)?;
+    let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
+    engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
+    if !engine.scene().has_light() {
+        let light = lighting::default_light(engine.scene());
+        engine.apply(&light, &Progress::new()).map_err(|error| error.to_string())?;
+    }
+    Ok(engine)
 }
 
 fn picture(frame: &Frame) -> Picture {
