@@ -1,11 +1,14 @@
-//! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row.
+//! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row, and
+//! last, when all light is there, edges.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
 use glam::Vec3;
 use heliostat_scene::{BackendError, IgiOptions, Progress};
-use heliostat_transport::{Gathered, History, IgiFrame, IgiSettings, PixelSum, Remembered, Settings, View};
+use heliostat_transport::{
+    Gathered, History, IgiFrame, IgiSettings, Light, Lit, PixelSum, Remembered, Settings, View,
+};
 
 use crate::film::Film;
 use crate::meter::Metered;
@@ -35,6 +38,7 @@ pub(crate) fn render(
     let mut picture = vec![Gathered::default(); pixels];
     let sums: Vec<_> =
         regions.iter().map(|region| Mutex::new(vec![PixelSum::default(); region.area()])).collect();
+    let lights: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::new())).collect();
     let rows: Vec<_> = (0..size.1).map(|_| Mutex::new(vec![Vec3::ZERO; size.0 as usize])).collect();
     let remembered: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::<Remembered>::new())).collect();
     for pass in 0..settings.samples {
@@ -54,8 +58,18 @@ pub(crate) fn render(
             let mut memory = locked(&remembered[y]);
             memory.clear();
             let memory = options.accumulate.then_some(&mut *memory);
-            let light = frame.row(&picture, size, y as u32, before, memory);
-            locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
+            *locked(&lights[y]) = frame.light(&picture, size, y as u32, before, memory);
+        })?;
+        let lights: Vec<Light> = lights.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
+        if lights.len() < pixels {
+            // Cancelled.
+            break;
+        }
+        let lit = Lit { gathered: &picture, lights: &lights, size };
+        work_through(pool, rows.len(), &stop, &|y| {
+            let (colors, traced) = frame.row(&lit, y as u32);
+            rays.fetch_add(traced, Ordering::Relaxed);
+            locked(&rows[y]).iter_mut().zip(colors).for_each(|(sum, color)| *sum += color);
         })?;
     }
     for (region, sums) in regions.iter().zip(&sums) {

@@ -87,8 +87,8 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
         }
     }
 
-    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
-        self.gathered[ray.pixel as usize].find(ray.alpha, radiance, sum);
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, _: &mut PixelSum) {
+        self.gathered[ray.pixel as usize].find(ray, radiance);
     }
 
     fn finish(&mut self, _: &View<'_, Q>, _: usize, _: &mut [PixelSum]) {

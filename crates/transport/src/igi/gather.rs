@@ -280,8 +280,6 @@ impl<'a> ByVpls<'a> {
             let surfaces = &block.surfaces;
             let albedo = weight * surfaces.diffuse(lane);
             let point = Gathered {
-                other: Vec3::ZERO,
-                scattered: Vec3::ZERO,
                 irradiance: block.irradiance.get(lane),
                 albedo,
                 gloss: weight * block.gloss.get(lane),
@@ -290,6 +288,7 @@ impl<'a> ByVpls<'a> {
                 // Mirrors stand for themselves only where nothing else is seen in them.
                 strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
                 straight: block.edges[lane] == 1,
+                ..Gathered::default()
             };
             self.gathered[block.pixels[lane] as usize].arrive(block.alphas[lane], point);
         }
@@ -430,8 +429,8 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }
 
-    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
-        self.gathered[ray.pixel as usize].find(ray.alpha, radiance, sum);
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, _: &mut PixelSum) {
+        self.gathered[ray.pixel as usize].find(ray, radiance);
     }
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {

@@ -10,6 +10,7 @@
 
 mod by_paths;
 mod discontinuity;
+mod edges;
 mod gather;
 mod history;
 mod importance;
@@ -24,10 +25,12 @@ mod vpl;
 use glam::Vec3;
 use heliostat_kernel::RayQuery;
 
-use crate::eye::EyeWalk;
+use crate::eye::{EyeWalk, WeightedRay};
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
 use by_paths::ByPaths;
+pub use discontinuity::Light;
 use discontinuity::Window;
+pub use edges::Lit;
 use gather::ByVpls;
 pub use history::{History, Remembered};
 use paths::PathPlan;
@@ -88,7 +91,9 @@ impl Default for IgiSettings {
 /// What a pixel has received: the point that matters most to it, with its light apart from its colour, and all else.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gathered {
-    /// Radiance of points that matter less.
+    /// Radiance of what the camera sees itself: lamps, the sky.
+    emitted: Vec3,
+    /// Radiance of points that matter less, and what rays found in mirrors and behind glass.
     other: Vec3,
     /// Radiance that rays found in random directions of rough mirrors and glass.
     scattered: Vec3,
@@ -115,11 +120,14 @@ impl Gathered {
         }
     }
 
-    /// Takes radiance that a ray found by itself on such a way, or adds it to the pixel's sum, which is not shared.
-    fn find(&mut self, alpha: f32, radiance: Vec3, sum: &mut PixelSum) {
-        match alpha > CLEAR_ALPHA && radiance.is_finite() {
-            true => self.scattered += radiance,
-            false => sum.add_radiance(radiance),
+    /// Takes radiance that a ray found by itself; what is not finite counts as black rather than spoiling the pixel.
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3) {
+        if radiance.is_finite() {
+            match (ray.alpha > CLEAR_ALPHA, ray.edges == 0) {
+                (true, _) => self.scattered += radiance,
+                (_, true) => self.emitted += radiance,
+                (_, false) => self.other += radiance,
+            }
         }
     }
 
@@ -127,7 +135,7 @@ impl Gathered {
     fn meet(&mut self, mut point: Self) {
         if point.strength > self.strength {
             std::mem::swap(self, &mut point);
-            (self.other, self.scattered) = (point.other, point.scattered);
+            (self.other, self.scattered, self.emitted) = (point.other, point.scattered, point.emitted);
         }
         self.other += point.reflected();
     }
@@ -239,23 +247,23 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         (walk.lighting.gathered, traced)
     }
 
-    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for. `gathered` is the whole
-    /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
-    /// What a history is to remember of the row is put into `remembered`, if there is to be one; `history` is the one before.
-    pub fn row(
+    /// The light that falls on what a row of the picture sees in the pass, filtered if that was asked for. `gathered` is the
+    /// whole picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more
+    /// follow. What a history is to remember of the row is put into `remembered`, if there is to be one; `history` is the one
+    /// before.
+    pub fn light(
         &self,
         gathered: &[Gathered],
         (width, height): (u32, u32),
         y: u32,
         history: Option<&History>,
         mut remembered: Option<&mut Vec<Remembered>>,
-    ) -> Vec<Vec3> {
-        let filtered = self.igi.filter && self.sample() < FILTERED_PASSES;
+    ) -> Vec<Light> {
         let window = Window {
             pixels: gathered,
             width,
             height,
-            pattern: if filtered { self.igi.interleave } else { [1, 1] },
+            pattern: if self.is_filtered() { self.igi.interleave } else { [1, 1] },
             eye: self.view.camera.position(),
         };
         let pixel = |x| {
@@ -266,8 +274,24 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
                 light = memory.light();
                 remembered.push(memory);
             }
-            point.other + light.reflected(point.albedo)
+            light
         };
         (0..width).map(pixel).collect()
+    }
+
+    /// Whether neighbours share their light in the pass.
+    fn is_filtered(&self) -> bool {
+        self.igi.filter && self.sample() < FILTERED_PASSES
+    }
+
+    /// A row of the picture, by the light that falls on what it sees, and the number of rays. Where light is shared between
+    /// neighbours, pixels at edges take more samples.
+    pub fn row(&self, lit: &Lit<'_>, y: u32) -> (Vec<Vec3>, u64) {
+        let mut colors: Vec<Vec3> = (0..lit.size.0).map(|x| lit.color(x, y)).collect();
+        let rays = match self.is_filtered() {
+            true => edges::refine(self.view, self.settings, lit, y, &mut colors),
+            false => 0,
+        };
+        (colors, rays)
     }
 }
