@@ -95,7 +95,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     no_filter: bool,
     /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
-    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    #[arg(long, value_name = "X", default_value_t = 2.0)]
     clamp: f32,
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]

@@ -78,7 +78,7 @@ impl Default for IgiSettings {
             paths: 8,
             interleave: [3, 3],
             filter: true,
-            clamp: 4.0,
+            clamp: 2.0,
             compensate: true,
             importance: true,
             first_pass: 0,
