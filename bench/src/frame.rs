@@ -2,7 +2,7 @@
 //! against single values. For Instant Global Illumination these are the constraints that its authors state.
 //!
 //! # References
-//! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002, §3.
+//! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;

@@ -94,11 +94,6 @@ pub(crate) trait Lighting<Q: ?Sized> {
         true
     }
 
-    /// With which chance a ray of a weight, sent by lobes of a largest GGX α, is worth following.
-    fn chance(&self, _weight: Vec3, _alpha: f32) -> f32 {
-        1.0
-    }
-
     /// Number of groups of pixels; each is lit by itself.
     fn groups(&self) -> usize;
 
@@ -359,25 +354,19 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                 ray.ask(side as u32, lane, points);
             }
             points.draw(self.view.scene.lane_mode(), *count);
-            let [u, v, u_lobe, u_chance] = &points.u;
+            let [u, v, u_lobe, _] = &points.u;
             surfaces.sample([u_lobe, u, v], which, *count, samples);
             surfaces.spawn(&samples.wi, *count, origins);
             for (lane, ray) in rays[..*count].iter().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
-                let weight = ray.weight * samples.weight.get(lane);
-                let alpha = ray.alpha.max(samples.alpha.0[lane]);
-                let chance = self.lighting.chance(weight, alpha);
-                if u_chance.0[lane] >= chance {
-                    continue;
-                }
                 self.send(WeightedRay {
                     ray: Ray::new(origins.get(lane), samples.wi.get(lane)).at_time(ray.ray.time),
                     cone: Cone { spread: ray.cone.spread + 0.5 * samples.alpha.0[lane], ..ray.cone },
-                    weight: weight / chance,
+                    weight: ray.weight * samples.weight.get(lane),
                     scatter_pdf: if L::SHARES_MIRRORS { samples.pdf.0[lane] } else { 0.0 },
                     passed_distance: 0.0,
                     passed: 0,
                     branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),
-                    alpha,
+                    alpha: ray.alpha.max(samples.alpha.0[lane]),
                     ..*ray
                 });
             }

@@ -3,7 +3,7 @@
 //!
 //! # References
 //! Bala, Walter, Greenberg, "Combining Edges and Points for Interactive High-Quality Rendering", 2003 (points take light from
-//! their own side of an edge). Benthin, Wald, Slusallek, "A Scalable Approach to Interactive Global Illumination", 2003, §3
+//! their own side of an edge). Benthin, Wald, Slusallek, "A Scalable Approach to Interactive Global Illumination", 2003
 //! (samples of a pixel share virtual point lights).
 
 use glam::{Vec2, Vec3};

@@ -6,20 +6,18 @@ use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::{Received, Surfaces, Taking};
 
+use super::Gathered;
 use super::importance;
 use super::paths::scaled;
 use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
-use super::{CLEAR_ALPHA, Gathered};
 use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
 /// Times what the eye sees of some points, the share of a set of virtual point lights that lights them.
 const FULL: f32 = 2.0;
-/// Times the weight of a ray whose light neighbours share, the chance that it is followed.
-const FOLLOWED: f32 = 8.0;
 /// Share of the mean importance that every virtual point light of a set has besides its own.
 const SOME_FLOOR: f32 = 0.1;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
@@ -388,13 +386,6 @@ fn push(tile: &mut Tile, ways: &Vectors, mask: u16) {
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
     const SHARES_MIRRORS: bool = false;
-
-    fn chance(&self, weight: Vec3, alpha: f32) -> f32 {
-        match alpha > CLEAR_ALPHA {
-            true => (FOLLOWED * weight.max_element()).min(1.0),
-            false => 1.0,
-        }
-    }
 
     fn groups(&self) -> usize {
         self.vpls.sets.len()
