@@ -1,4 +1,8 @@
-//! What a frame takes and where its time goes: ray queries against shading, threads, lanes against single values.
+//! What a frame takes and where its time goes: triangles, preprocessing, rays, ray queries against shading, threads, lanes
+//! against single values. For Instant Global Illumination these are the constraints that its authors state.
+//!
+//! # References
+//! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -51,9 +55,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     let mut rows = Vec::new();
     for scene in &arguments.scene {
         let mut engines = Vec::new();
+        let mut preprocessing = 0.0;
         for setup in &setups {
-            engines.push(engine(scene, setup)?);
+            let (engine, milliseconds) = engine(scene, setup)?;
+            engines.push(engine);
+            preprocessing = milliseconds;
         }
+        let meshes = engines[0].scene().geometries().values().filter_map(|geometry| geometry.as_mesh());
+        let triangles: usize = meshes.map(|mesh| mesh.indices.len()).sum();
+        result(&format!(
+            "{scene:20} {triangles} triangles in its meshes, ready after {preprocessing:.1} ms on all threads"
+        ));
         let camera = crate::motion::camera(&engines[0])?;
         for renderer in &arguments.renderer {
             let request = FrameRequest {
@@ -72,16 +84,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     }
 }
 
-fn engine(name: &str, setup: &Setup) -> Result<Engine, String> {
+/// An engine with a scene, and what it takes to be ready, milliseconds.
+fn engine(name: &str, setup: &Setup) -> Result<(Engine, f64), String> {
     let scene = crate::motion::scene(name)?;
     let options = EngineOptions { threads: setup.threads, lanes: setup.lanes, ..EngineOptions::default() };
     let mut engine = Engine::new(options).map_err(|error| error.to_string())?;
-    engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
+    let report = engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
     if !engine.scene().has_light() {
         let light = lighting::default_light(engine.scene());
         engine.apply(&light, &Progress::new()).map_err(|error| error.to_string())?;
     }
-    Ok(engine)
+    Ok((engine, report.milliseconds))
 }
 
 /// Frames of all setups in turn, so that a busy machine disturbs all alike.
@@ -99,6 +112,7 @@ fn measure(
         }
     }
     let mut rows = Vec::new();
+    let mut one_thread = None;
     for (setup, frames) in setups.iter().zip(&frames) {
         let of = |value: &dyn Fn(&Frame) -> f64| median(&mut frames.iter().map(value).collect::<Vec<_>>());
         let threads = setup.threads.map_or_else(
@@ -110,8 +124,9 @@ fn measure(
         let pixels = f64::from(request.width) * f64::from(request.height);
         let per_pixel = frames[0].stats.rays as f64 / pixels;
         let rate = frames[0].stats.rays as f64 / milliseconds * 1e-3;
+        let scaling = *one_thread.get_or_insert(milliseconds) / milliseconds;
         result(&format!(
-            "{scene:20} {:8} {:24} {milliseconds:9.1} ms  {per_pixel:6.1} rays/pixel  {rate:7.1} Mray/s  queries {:3.0} %",
+            "{scene:20} {:8} {:24} {milliseconds:9.1} ms  {per_pixel:6.1} rays/pixel  {rate:7.1} Mray/s  queries {:3.0} %  {scaling:5.2}×",
             request.renderer,
             setup.name,
             100.0 * share

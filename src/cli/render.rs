@@ -95,7 +95,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     no_filter: bool,
     /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
-    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    #[arg(long, value_name = "X", default_value_t = 2.0)]
     clamp: f32,
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]
@@ -146,6 +146,8 @@ enum Renderer {
     Igi,
     /// Its ancestor, for comparison: one set of virtual point lights for all pixels, nothing filtered
     InstantRadiosity,
+    /// Path tracing at a path per pixel with the filter and the history of `igi`, for comparison
+    PathFiltered,
     /// Ray casting: first surfaces and all lights, without shadows
     Cast,
 }
@@ -197,6 +199,7 @@ impl Renderer {
             Self::Direct => "direct",
             Self::Igi => "igi",
             Self::InstantRadiosity => "instant-radiosity",
+            Self::PathFiltered => "path-filtered",
             Self::Cast => "cast",
         }
     }
@@ -205,7 +208,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi | Self::InstantRadiosity | Self::Cast => 1,
+            Self::Igi | Self::InstantRadiosity | Self::PathFiltered | Self::Cast => 1,
         }
     }
 }

@@ -187,18 +187,19 @@ impl Engine {
             seed: request.seed,
             frame: request.frame,
             filter: PixelFilter::new(request.filter),
-            aligned: matches!(renderer, Renderer::Igi | Renderer::InstantRadiosity),
+            aligned: !matches!(renderer, Renderer::ByRegion(_)),
             ambient: request.ambient,
         };
         let rays = match renderer {
             Renderer::ByRegion(integrator) => {
                 self.render_regions(&view, &settings, integrator, film, progress)?
             }
-            Renderer::Igi => igi::render(
+            Renderer::Igi | Renderer::FilteredPath => igi::render(
                 (&self.pool, &self.buffers),
                 &view,
                 &settings,
                 (&request.igi, film, progress),
+                renderer == Renderer::FilteredPath,
                 history,
             )?,
             Renderer::InstantRadiosity => {
@@ -214,6 +215,7 @@ impl Engine {
                     &view,
                     &settings,
                     (&alone, film, progress),
+                    false,
                     &mut None,
                 )?
             }
@@ -264,15 +266,18 @@ enum Renderer {
     /// Its ancestor, for comparison: all pixels share one set of virtual point lights and nothing is filtered (Keller,
     /// "Instant Radiosity", 1997).
     InstantRadiosity,
+    /// Path tracing with the filter and the history of `igi`, for comparison.
+    FilteredPath,
 }
 
 impl Renderer {
-    const NAMES: [&str; 5] = ["path", "direct", "igi", "instant-radiosity", "cast"];
+    const NAMES: [&str; 6] = ["path", "direct", "igi", "instant-radiosity", "path-filtered", "cast"];
 
     fn by_name(name: &str) -> Option<Self> {
         match name {
             "igi" => Some(Self::Igi),
             "instant-radiosity" => Some(Self::InstantRadiosity),
+            "path-filtered" => Some(Self::FilteredPath),
             _ => Integrator::by_name(name).map(Self::ByRegion),
         }
     }

@@ -1,11 +1,14 @@
-//! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row.
+//! Frames of Instant Global Illumination: regions first, then, when all neighbours are there, the filter row by row, and
+//! last, when all light is there, edges.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
 use glam::Vec3;
 use heliostat_scene::{BackendError, IgiOptions, Progress};
-use heliostat_transport::{Gathered, History, IgiFrame, IgiSettings, PixelSum, Remembered, Settings, View};
+use heliostat_transport::{
+    Gathered, History, IgiFrame, IgiSettings, Light, Lit, PixelSum, Remembered, Settings, View,
+};
 
 use crate::film::Film;
 use crate::meter::Metered;
@@ -62,22 +65,26 @@ impl Buffers {
 }
 
 /// Renders all passes into a film and returns the number of rays. If frames go on from each other, `history` is what the
-/// frame before has left, and afterwards what this one leaves.
+/// frame before has left, and afterwards what this one leaves. `by_paths` takes a path from every point instead of virtual
+/// point lights.
 pub(crate) fn render(
     (pool, buffers): (&rayon::ThreadPool, &Mutex<Buffers>),
     view: &View<'_, Metered<'_>>,
     settings: &Settings,
     (options, film, progress): (&IgiOptions, &Film, &Progress),
+    by_paths: bool,
     history: &mut Option<History>,
 ) -> Result<u64, BackendError> {
     let size = film.size();
     let before = history.as_ref().filter(|_| options.accumulate);
     let passes_before = before.map_or(0, |history| history.frames().wrapping_mul(settings.samples));
-    let mut frame = pool.install(|| IgiFrame::new(view, settings, igi_settings(options), passes_before));
+    let mut frame =
+        pool.install(|| IgiFrame::new(view, settings, igi_settings(options, by_paths), passes_before));
     let regions = frame.regions(size.0, size.1);
     progress.start(regions.len() as u64 * u64::from(settings.samples));
     let rays = AtomicU64::new(0);
     let stop = || progress.is_cancelled();
+    let pixels = size.0 as usize * size.1 as usize;
     let mut buffers = locked(buffers);
     buffers.renew(size);
     let Buffers { picture, sums, light, rows: remembered, old } = &mut *buffers;
@@ -87,6 +94,7 @@ pub(crate) fn render(
         .map(|region| Mutex::new(rest.split_off_mut(..region.area()).unwrap_or_default()))
         .collect();
     let rows: Vec<_> = light.chunks_mut(size.0.max(1) as usize).map(Mutex::new).collect();
+    let lights: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::new())).collect();
     for pass in 0..settings.samples {
         rays.fetch_add(pool.install(|| frame.start(pass)), Ordering::Relaxed);
         let shared = Mutex::new(&mut *picture);
@@ -104,8 +112,18 @@ pub(crate) fn render(
             let mut memory = locked(&remembered[y]);
             memory.clear();
             let memory = options.accumulate.then_some(&mut *memory);
-            let light = frame.row(picture, size, y as u32, before, memory);
-            locked(&rows[y]).iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
+            *locked(&lights[y]) = frame.light(picture, size, y as u32, before, memory);
+        })?;
+        let lights: Vec<Light> = lights.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
+        if lights.len() < pixels {
+            // Cancelled.
+            break;
+        }
+        let lit = Lit { gathered: picture, lights: &lights, size };
+        work_through(pool, rows.len(), &stop, &|y| {
+            let (colors, traced) = frame.row(&lit, y as u32);
+            rays.fetch_add(traced, Ordering::Relaxed);
+            locked(&rows[y]).iter_mut().zip(colors).for_each(|(sum, color)| *sum += color);
         })?;
     }
     for (region, sums) in regions.iter().zip(&sums) {
@@ -126,7 +144,7 @@ pub(crate) fn render(
     Ok(rays.into_inner())
 }
 
-fn igi_settings(options: &IgiOptions) -> IgiSettings {
+fn igi_settings(options: &IgiOptions, by_paths: bool) -> IgiSettings {
     IgiSettings {
         paths: options.paths,
         interleave: options.interleave,
@@ -136,6 +154,7 @@ fn igi_settings(options: &IgiOptions) -> IgiSettings {
         importance: options.importance,
         first_pass: options.first_pass,
         photons: options.photons,
+        by_paths,
     }
 }
 

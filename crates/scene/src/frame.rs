@@ -64,13 +64,13 @@ pub struct IgiOptions {
 }
 
 impl Default for IgiOptions {
-    /// 3×3 sets of 8 paths, filtered, bounded at four times the typical irradiance, with the rest given back; 20,000 photons.
+    /// 3×3 sets of 8 paths, filtered, bounded at twice the typical irradiance, with the rest given back; 20,000 photons.
     fn default() -> Self {
         Self {
             paths: 8,
             interleave: [3, 3],
             filter: true,
-            clamp: 4.0,
+            clamp: 2.0,
             compensate: true,
             importance: true,
             first_pass: 0,

@@ -5,7 +5,7 @@ use glam::Vec3;
 use heliostat_scene::LightKind;
 
 use crate::emission::Source;
-use crate::lanes::{Packet, Real, Vector, Vectors};
+use crate::lanes::{Packet, Real, Vector, Vectors, WIDTH};
 use crate::light::from_light;
 use crate::lobe_set::{Lobes, Selection};
 use crate::packet::on_lanes;
@@ -27,12 +27,16 @@ pub struct Received {
 impl Received {
     /// A bit for each of the first `count` lanes to which any light comes.
     pub fn lit(&self, count: usize) -> u16 {
-        let channels = [&self.irradiance, &self.gloss].map(|v| [&v.x.0, &v.y.0, &v.z.0]);
+        let mut bits = [0_u32; WIDTH];
+        for vectors in [&self.irradiance, &self.gloss] {
+            for channel in [&vectors.x, &vectors.y, &vectors.z] {
+                // All but the sign: nothing is left of zeros of either, and some of a NaN.
+                bits.iter_mut().zip(&channel.0).for_each(|(bits, value)| *bits |= value.to_bits() << 1);
+            }
+        }
         let mut mask = 0;
-        for lane in 0..count {
-            // A NaN is different from zero as well.
-            let dark = channels.iter().flatten().all(|channel| channel[lane] == 0.0);
-            mask |= u16::from(!dark) << lane;
+        for (lane, &bits) in bits[..count].iter().enumerate() {
+            mask |= u16::from(bits != 0) << lane;
         }
         mask
     }

@@ -38,9 +38,9 @@ const MAX_RAYS_PER_PIXEL: u16 = 256;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WeightedRay {
     pub(crate) pixel: u32,
-    sampler: Sampler,
+    pub(crate) sampler: Sampler,
     pub(crate) ray: Ray,
-    cone: Cone,
+    pub(crate) cone: Cone,
     pub(crate) weight: Vec3,
     /// Edges from the camera to the ray's end.
     pub(crate) edges: u32,
@@ -131,9 +131,20 @@ struct Shader {
     points: SamplePoints,
     samples: ScatteredPacket,
     origins: Vectors,
+    /// Indices of the rays, group by group, in their order, and where each group ends.
+    by_group: Vec<u32>,
+    ends: Vec<u32>,
     /// The rays of one group with their hits.
     rays: Vec<WeightedRay>,
     hits: Vec<Hit>,
+}
+
+impl Shader {
+    /// Indices of a group's rays.
+    fn of_group(&self, group: usize) -> &[u32] {
+        let start = if group == 0 { 0 } else { self.ends[group - 1] };
+        &self.by_group[start as usize..self.ends[group] as usize]
+    }
 }
 
 impl<'a, Q: ?Sized, L> EyeWalk<'a, Q, L> {
@@ -193,24 +204,24 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
             }
         }
         let mut shader = std::mem::take(&mut self.shader);
-        for group in 0..self.lighting.groups() {
-            if self.lighting.groups() == 1 {
-                self.shade(&mut shader, &rays, hits, sums, first_sample);
-            } else {
-                let (mut own, mut own_hits) =
-                    (std::mem::take(&mut shader.rays), std::mem::take(&mut shader.hits));
+        if self.lighting.groups() == 1 {
+            self.shade(&mut shader, &rays, hits, sums, first_sample);
+            self.lighting.finish(self.view, 0, sums);
+        } else {
+            self.sort_by_group(&mut shader, &rays);
+            let (mut own, mut own_hits) =
+                (std::mem::take(&mut shader.rays), std::mem::take(&mut shader.hits));
+            for group in 0..self.lighting.groups() {
                 own.clear();
                 own_hits.clear();
-                for (ray, hit) in rays.iter().zip(hits) {
-                    if self.lighting.group(ray.pixel) == group {
-                        own.push(*ray);
-                        own_hits.push(*hit);
-                    }
+                for &index in shader.of_group(group) {
+                    own.push(rays[index as usize]);
+                    own_hits.push(hits[index as usize]);
                 }
                 self.shade(&mut shader, &own, &own_hits, sums, first_sample);
-                (shader.rays, shader.hits) = (own, own_hits);
+                self.lighting.finish(self.view, group, sums);
             }
-            self.lighting.finish(self.view, group, sums);
+            (shader.rays, shader.hits) = (own, own_hits);
         }
         self.shader = shader;
         std::mem::take(&mut self.next)
@@ -218,6 +229,27 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
 }
 
 impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
+    /// A counting sort of rays by the groups of their pixels.
+    fn sort_by_group(&self, shader: &mut Shader, rays: &[WeightedRay]) {
+        let Shader { by_group, ends, .. } = shader;
+        ends.clear();
+        ends.resize(self.lighting.groups() + 1, 0);
+        for ray in rays {
+            ends[self.lighting.group(ray.pixel) + 1] += 1;
+        }
+        for group in 1..ends.len() {
+            ends[group] += ends[group - 1];
+        }
+        by_group.clear();
+        by_group.resize(rays.len(), 0);
+        // The start of each group moves on to its end.
+        for (index, ray) in (0..).zip(rays) {
+            let place = &mut ends[self.lighting.group(ray.pixel)];
+            by_group[*place as usize] = index;
+            *place += 1;
+        }
+    }
+
     /// Shades rays in packets, hands the packets over to be lit and sends on what mirrors.
     fn shade(
         &mut self,
@@ -289,7 +321,9 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             if emission != Vec3::ZERO {
                 radiance += emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
             }
-            self.lighting.find(ray, ray.weight * radiance, sum);
+            if radiance != Vec3::ZERO {
+                self.lighting.find(ray, ray.weight * radiance, sum);
+            }
             ray.edges += 1;
             if ray.edges >= self.max_edges {
                 ray.weight = Vec3::ZERO;

@@ -19,7 +19,7 @@ const ROULETTE_FROM: u32 = 4;
 
 /// A path on its way: the ray that extends it and what its end is worth.
 #[derive(Clone, Copy, Debug)]
-struct Path {
+pub(crate) struct Path {
     pixel: u32,
     sampler: Sampler,
     ray: Ray,
@@ -37,6 +37,18 @@ struct Path {
     passed: u32,
 }
 
+/// Where a path starts that does not start at the camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub(crate) pixel: u32,
+    pub(crate) sampler: Sampler,
+    /// The ray that found the surface.
+    pub(crate) ray: Ray,
+    pub(crate) cone: Cone,
+    /// Edges from the camera, at least one.
+    pub(crate) edges: u32,
+}
+
 /// See [`Integrator::render`](crate::Integrator::render).
 pub(crate) fn render<Q: RayQuery + ?Sized>(
     view: &View<'_, Q>,
@@ -46,11 +58,12 @@ pub(crate) fn render<Q: RayQuery + ?Sized>(
     after_sample: &dyn Fn() -> bool,
 ) -> u64 {
     let max_edges = settings.max_depth.unwrap_or(u32::MAX);
-    let mut tracer = Tracer { view, max_edges, shadows: ShadowBatch::default(), shader: Shader::default() };
+    let mut tracer = Tracer::new(view, max_edges);
     walk(&mut tracer, view, settings, region, sums, after_sample) + tracer.shadows.traced()
 }
 
-struct Tracer<'a, Q: ?Sized> {
+/// Follows paths vertex by vertex.
+pub(crate) struct Tracer<'a, Q: ?Sized> {
     view: &'a View<'a, Q>,
     max_edges: u32,
     shadows: ShadowBatch,
@@ -159,7 +172,62 @@ impl Path {
     }
 }
 
-impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
+impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
+    /// Paths may have `max_edges` edges.
+    pub(crate) fn new(view: &'a View<'a, Q>, max_edges: u32) -> Self {
+        Self { view, max_edges, shadows: ShadowBatch::default(), shader: Shader::default() }
+    }
+
+    /// Shadow rays traced so far.
+    pub(crate) fn shadow_rays(&self) -> u64 {
+        self.shadows.traced()
+    }
+
+    /// Starts a path at a surface that a ray from the camera has found after some edges: asks for light by `lobes` and
+    /// returns the way on by them. `pixel` is where the sums take what it finds.
+    pub(crate) fn start_at(
+        &mut self,
+        surface: &Surface<f32>,
+        lobes: Selection,
+        from: &Start,
+    ) -> Option<Path> {
+        let Start { pixel, sampler, ray, cone, edges } = *from;
+        let path = Path {
+            pixel,
+            sampler,
+            ray,
+            cone,
+            throughput: Vec3::ONE,
+            roulette_scale: 1.0,
+            edges,
+            scatter_pdf: 0.0,
+            passed_distance: 0.0,
+            passed: 0,
+        };
+        if edges >= self.max_edges {
+            return None;
+        }
+        self.sample_light(&path, surface, lobes, sampler.set(2 * edges));
+        scatter(path, surface, lobes, sampler.set(2 * edges - 1))
+    }
+
+    /// Follows paths to their ends and returns the number of rays.
+    pub(crate) fn follow(&mut self, mut paths: Vec<Path>, sums: &mut [PixelSum]) -> u64 {
+        let (mut hits, mut traced) = (Vec::new(), 0);
+        loop {
+            let rays: Vec<Ray> = paths.iter().map(|path| path.ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            self.view.query.intersect(&rays, &mut hits);
+            traced += rays.len() as u64;
+            // Once more when no path is left: shadow rays still wait.
+            paths = self.step(paths, &hits, sums, false);
+            if paths.is_empty() {
+                return traced;
+            }
+        }
+    }
+
     /// One vertex of the path: emission, light sampling, scattering. Returns the path if it goes on.
     fn at_surface(
         &mut self,
@@ -197,12 +265,12 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         if path.edges >= self.max_edges || !surface.bsdf.scatters() {
             return None;
         }
-        self.sample_light(&path, surface, vertices.light.get(lane));
-        scatter(path, surface, vertices.scattering.get(lane))
+        self.sample_light(&path, surface, Selection::ALL, vertices.light.get(lane));
+        scatter(path, surface, Selection::ALL, vertices.scattering.get(lane))
     }
 
     /// Next-event estimation: one light, chosen by power, one point on it.
-    fn sample_light(&mut self, path: &Path, surface: &Surface<f32>, point: [f32; 4]) {
+    fn sample_light(&mut self, path: &Path, surface: &Surface<f32>, lobes: Selection, point: [f32; 4]) {
         let scene = self.view.scene;
         let [u_choice, u_triangle, u, v] = point;
         let Some((emitter, probability, _)) = scene.lights().choose(u_choice) else { return };
@@ -214,7 +282,7 @@ impl<Q: RayQuery + ?Sized> Tracer<'_, Q> {
         ) else {
             return;
         };
-        let scattered = surface.bsdf.evaluate(light.wi.into(), Selection::ALL);
+        let scattered = surface.bsdf.evaluate(light.wi.into(), lobes);
         let f_cos = Vec3::from(scattered.f_cos);
         if f_cos == Vec3::ZERO {
             return;
@@ -239,9 +307,9 @@ fn pass_through(mut path: Path, surface: &Surface<f32>, hit: &Hit, chance: f32) 
 }
 
 /// Chooses the next direction; Russian roulette ends paths of little worth.
-fn scatter(mut path: Path, surface: &Surface<f32>, point: [f32; 4]) -> Option<Path> {
+fn scatter(mut path: Path, surface: &Surface<f32>, lobes: Selection, point: [f32; 4]) -> Option<Path> {
     let [u_lobe, u_roulette, u, v] = point;
-    let sample = surface.bsdf.sample(u_lobe, [u, v], Selection::ALL);
+    let sample = surface.bsdf.sample(u_lobe, [u, v], lobes);
     if !sample.valid {
         return None;
     }

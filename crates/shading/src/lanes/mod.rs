@@ -74,10 +74,12 @@ impl Vectors {
 
     /// Adds the vectors of those lanes whose bit is set in `mask`.
     pub fn add_lanes(&mut self, other: &Self, mask: u16) {
+        // All bits or none of each lane, which compilers know how to do side by side.
+        let kept: [u32; WIDTH] = std::array::from_fn(|lane| (u32::from(mask) >> lane & 1).wrapping_neg());
         let pairs = [(&mut self.x, &other.x), (&mut self.y, &other.y), (&mut self.z, &other.z)];
         for (sums, others) in pairs {
-            for (lane, (sum, other)) in sums.0.iter_mut().zip(&others.0).enumerate() {
-                *sum += if mask >> lane & 1 == 1 { *other } else { 0.0 };
+            for ((sum, other), kept) in sums.0.iter_mut().zip(&others.0).zip(&kept) {
+                *sum += f32::from_bits(other.to_bits() & kept);
             }
         }
     }

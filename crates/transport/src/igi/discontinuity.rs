@@ -16,15 +16,15 @@ const LEAST_COSINE: f32 = 0.9;
 /// The same for surfaces seen in mirrors and through glass.
 const LEAST_MIRRORED_COSINE: f32 = 0.5;
 /// A neighbour may lie off the tangent plane by this share of its distance from the camera.
-const PLANE_DISTANCE: f32 = 0.01;
+pub(super) const PLANE_DISTANCE: f32 = 0.01;
 
 /// What the surface at a pixel receives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Light {
+pub struct Light {
     /// Irradiance over π: to be multiplied by the surface's colour.
-    pub(super) irradiance: Vec3,
+    pub irradiance: Vec3,
     /// Radiance that other lobes reflect.
-    pub(super) gloss: Vec3,
+    pub gloss: Vec3,
 }
 
 impl Light {
@@ -87,7 +87,8 @@ impl Window<'_> {
     }
 }
 
-fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
+/// Whether two pixels see the same surface, or ones alike. `scale` is how far off the plane of one the other may lie.
+pub(super) fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
     if b.strength == 0.0 || a.straight != b.straight {
         return false;
     }

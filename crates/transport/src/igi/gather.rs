@@ -3,10 +3,12 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Vectors, WIDTH};
+use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::{Received, Surfaces, Taking};
 
 use super::Gathered;
+use super::importance;
+use super::paths::scaled;
 use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
@@ -14,8 +16,10 @@ use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
-/// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
-const CLEAR_ALPHA: f32 = 1e-2;
+/// Times what the eye sees of some points, the share of a set of virtual point lights that lights them.
+const FULL: f32 = 2.0;
+/// Share of the mean importance that every virtual point light of a set has besides its own.
+const SOME_FLOOR: f32 = 0.1;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
@@ -36,6 +40,8 @@ pub(super) struct Block {
     pub(super) point: [f32; 4],
     pub(super) irradiance: Vectors,
     gloss: Vectors,
+    /// Share of the virtual point lights that light it, and of the lanes that short rays and photons light.
+    pub(super) share: f32,
     /// Lanes with a weight.
     alive: u16,
     /// Most edges of any lane.
@@ -244,12 +250,15 @@ impl<'a> ByVpls<'a> {
     /// Adds the light that photons have brought to a block's lanes.
     fn catch(&mut self, index: usize) {
         let block = &mut self.blocks[index];
-        for lane in (0..block.count).filter(|&lane| block.weights[lane] != Vec3::ZERO) {
+        for lane in lanes(block.alive) {
+            if !block.takes(lane) {
+                continue;
+            }
             let (position, normal) = (block.surfaces.position(lane), block.surfaces.normal(lane));
             let max_edges = self.max_edges.saturating_sub(block.edges[lane]);
             let irradiance = self.photons.irradiance(position, normal, max_edges);
             if irradiance != Vec3::ZERO {
-                let radiance = irradiance * std::f32::consts::FRAC_1_PI;
+                let radiance = irradiance * (std::f32::consts::FRAC_1_PI / block.share);
                 let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
                 block.irradiance.set(lane, block.irradiance.get(lane) + radiance);
                 // Rough lobes are taken for diffuse ones of the same albedo.
@@ -269,8 +278,6 @@ impl<'a> ByVpls<'a> {
             let surfaces = &block.surfaces;
             let albedo = weight * surfaces.diffuse(lane);
             let point = Gathered {
-                other: Vec3::ZERO,
-                scattered: Vec3::ZERO,
                 irradiance: block.irradiance.get(lane),
                 albedo,
                 gloss: weight * block.gloss.get(lane),
@@ -279,17 +286,20 @@ impl<'a> ByVpls<'a> {
                 // Mirrors stand for themselves only where nothing else is seen in them.
                 strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
                 straight: block.edges[lane] == 1,
+                ..Gathered::default()
             };
-            let pixel = &mut self.gathered[block.pixels[lane] as usize];
-            match block.alphas[lane] > CLEAR_ALPHA {
-                true => pixel.scattered += point.reflected(),
-                false => pixel.meet(point),
-            }
+            self.gathered[block.pixels[lane] as usize].arrive(block.alphas[lane], point);
         }
     }
 }
 
 impl Block {
+    /// Whether a lane is among the share of them that short rays and photons light.
+    pub(super) fn takes(&self, lane: usize) -> bool {
+        let chance = (self.pixels[lane].hashed() >> 8) as f32 * (1.0 / (1 << 24) as f32);
+        self.share == 1.0 || chance < self.share
+    }
+
     /// The lanes whose paths may have `max_edges` edges before the last one, as a bit each.
     fn short_enough(&self, max_edges: u32) -> u16 {
         if self.most_edges < max_edges {
@@ -308,6 +318,51 @@ impl Asked {
         block.irradiance.set(lane, block.irradiance.get(lane) + irradiance * transmittance);
         block.gloss.set(lane, block.gloss.get(lane) + gloss * transmittance);
     }
+}
+
+/// Which share of a set of virtual point lights is enough for blocks that the eye sees as faintly as these.
+fn share(blocks: &[Block]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0.0_f32);
+    for block in blocks {
+        for lane in lanes(block.alive) {
+            sum += luminance(block.weights[lane]);
+            count += 1.0;
+        }
+    }
+    (FULL * sum / count.max(1.0)).min(1.0)
+}
+
+/// A share of the virtual point lights of a set, chosen by what they would bring to a point of each block if nothing stood
+/// between, and strengthened by the inverse of their chance.
+fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], share: f32) -> Vec<Vpl> {
+    let points = || {
+        blocks.iter().filter(|block| block.alive != 0).map(|block| {
+            let lane = block.alive.trailing_zeros() as usize;
+            (block.surfaces.position(lane), block.surfaces.normal(lane), luminance(block.weights[lane]))
+        })
+    };
+    let mut importance: Vec<f32> = vpls
+        .iter()
+        .map(|vpl| {
+            points().map(|(position, normal, weight)| weight * vpl.irradiance(bound, position, normal)).sum()
+        })
+        .collect();
+    let budget = (share * vpls.len() as f32).max(1.0);
+    let floor = SOME_FLOOR * importance.iter().sum::<f32>() / vpls.len().max(1) as f32;
+    importance.iter_mut().for_each(|importance| *importance += floor);
+    let scale = importance::scale(importance.clone(), budget);
+    // Those under a comb of evenly spaced points of the running sum.
+    let [.., shift] = blocks.first().map_or([0.0; 4], |block| block.point);
+    let (mut sum, mut tooth, mut chosen) = (0.0, shift, Vec::new());
+    for (vpl, importance) in vpls.iter().zip(importance) {
+        let chance = (scale * importance).min(1.0);
+        sum += chance;
+        if sum > tooth && chance > 0.0 {
+            tooth += 1.0;
+            chosen.push(Vpl { source: scaled(vpl.source.clone(), 1.0 / chance), ..*vpl });
+        }
+    }
+    chosen
 }
 
 /// The lanes whose bits are set.
@@ -365,11 +420,8 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }
 
-    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {
-        match ray.alpha > CLEAR_ALPHA && radiance.is_finite() {
-            true => self.gathered[ray.pixel as usize].scattered += radiance,
-            false => sum.add_radiance(radiance),
-        }
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3, _: &mut PixelSum) {
+        self.gathered[ray.pixel as usize].find(ray, radiance);
     }
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {
@@ -377,13 +429,22 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         const BLOCKS: usize = Tile::CAPACITY / WIDTH;
         for start in (0..self.used).step_by(BLOCKS) {
             let end = (start + BLOCKS).min(self.used);
-            for vpl in &vpls.sets[group] {
-                self.light(view, (vpl, vpls.bound), (start, end));
+            let share = share(&self.blocks[start..end]);
+            self.blocks[start..end].iter_mut().for_each(|block| block.share = share);
+            if share == 1.0 {
+                for vpl in &vpls.sets[group] {
+                    self.light(view, (vpl, vpls.bound), (start, end));
+                }
+            } else {
+                for vpl in some_of(&vpls.sets[group], vpls.bound, &self.blocks[start..end], share) {
+                    self.light(view, (&vpl, vpls.bound), (start, end));
+                }
             }
         }
         if self.compensate {
             let blocks = &mut self.blocks[..self.used];
-            self.traced += self.residual.add(view, &vpls.sets[group], vpls.bound, blocks);
+            let short = vpls.short_rays(group);
+            self.traced += self.residual.add(view, &vpls.sets[group], (vpls.bound, short), blocks);
         }
         for index in 0..self.used {
             self.catch(index);

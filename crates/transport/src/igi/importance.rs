@@ -136,7 +136,7 @@ impl Contributions {
 
 /// What importances are to be multiplied with for so many candidates to be kept in the mean, when none can be kept with a
 /// probability of more than one.
-fn scale(mut importance: Vec<f32>, budget: f32) -> f32 {
+pub(super) fn scale(mut importance: Vec<f32>, budget: f32) -> f32 {
     importance.sort_unstable_by(|a, b| b.total_cmp(a));
     let mut rest: f64 = importance.iter().map(|&i| f64::from(i)).sum();
     let mut budget = f64::from(budget);

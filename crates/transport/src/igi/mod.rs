@@ -8,7 +8,9 @@
 //! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002; Benthin, Wald,
 //! Slusallek, "A Scalable Approach to Interactive Global Illumination", 2003.
 
+mod by_paths;
 mod discontinuity;
+mod edges;
 mod gather;
 mod history;
 mod importance;
@@ -23,9 +25,12 @@ mod vpl;
 use glam::Vec3;
 use heliostat_kernel::RayQuery;
 
-use crate::eye::EyeWalk;
+use crate::eye::{EyeWalk, WeightedRay};
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
+use by_paths::ByPaths;
+pub use discontinuity::Light;
 use discontinuity::Window;
+pub use edges::Lit;
 use gather::ByVpls;
 pub use history::{History, Remembered};
 use paths::PathPlan;
@@ -38,6 +43,9 @@ const DEFAULT_MAX_EDGES: u32 = 24;
 
 /// Passes whose light neighbours share.
 const FILTERED_PASSES: u32 = 16;
+
+/// Light that comes by lobes of a larger GGX α is shared between neighbours as diffuse light is; mirrors stay sharp.
+const CLEAR_ALPHA: f32 = 1e-2;
 
 /// Parameters of Instant Global Illumination.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +66,8 @@ pub struct IgiSettings {
     pub first_pass: u32,
     /// Photons of each pass, for light that mirrors and glass throw on other surfaces.
     pub photons: u32,
+    /// Whether every point is lit by a path of its own instead of virtual point lights and photons: for comparison.
+    pub by_paths: bool,
 }
 
 impl Default for IgiSettings {
@@ -68,11 +78,12 @@ impl Default for IgiSettings {
             paths: 8,
             interleave: [3, 3],
             filter: true,
-            clamp: 4.0,
+            clamp: 2.0,
             compensate: true,
             importance: true,
             first_pass: 0,
             photons: 20_000,
+            by_paths: false,
         }
     }
 }
@@ -80,7 +91,9 @@ impl Default for IgiSettings {
 /// What a pixel has received: the point that matters most to it, with its light apart from its colour, and all else.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gathered {
-    /// Radiance of points that matter less.
+    /// Radiance of what the camera sees itself: lamps, the sky.
+    emitted: Vec3,
+    /// Radiance of points that matter less, and what rays found in mirrors and behind glass.
     other: Vec3,
     /// Radiance that rays found in random directions of rough mirrors and glass.
     scattered: Vec3,
@@ -99,11 +112,30 @@ pub struct Gathered {
 }
 
 impl Gathered {
+    /// Takes the light of a point that was found on a way of a largest GGX `alpha`.
+    fn arrive(&mut self, alpha: f32, point: Self) {
+        match alpha > CLEAR_ALPHA {
+            true => self.scattered += point.reflected(),
+            false => self.meet(point),
+        }
+    }
+
+    /// Takes radiance that a ray found by itself; what is not finite counts as black rather than spoiling the pixel.
+    fn find(&mut self, ray: &WeightedRay, radiance: Vec3) {
+        if radiance.is_finite() {
+            match (ray.alpha > CLEAR_ALPHA, ray.edges == 0) {
+                (true, _) => self.scattered += radiance,
+                (_, true) => self.emitted += radiance,
+                (_, false) => self.other += radiance,
+            }
+        }
+    }
+
     /// Meets another point along the same ray: the one that matters more stays.
     fn meet(&mut self, mut point: Self) {
         if point.strength > self.strength {
             std::mem::swap(self, &mut point);
-            (self.other, self.scattered) = (point.other, point.scattered);
+            (self.other, self.scattered, self.emitted) = (point.other, point.scattered, point.emitted);
         }
         self.other += point.reflected();
     }
@@ -163,6 +195,9 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
 
     /// The virtual point lights and photons of the pass.
     fn draw(&mut self) {
+        if self.igi.by_paths {
+            return;
+        }
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         let [n, m] = self.igi.interleave;
         let paths = PathPlan {
@@ -194,34 +229,41 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
     /// Renders the pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
     /// number of rays is returned too.
     pub fn render(&self, region: &Region, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
-        let [n, m] = self.igi.interleave;
+        let sample = (self.sample(), self.pass == 0);
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
+        if self.igi.by_paths {
+            let lighting = ByPaths::new(self.view, sums.len(), max_edges);
+            let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
+            let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
+            let traced = traced + walk.lighting.traced();
+            return (walk.lighting.gathered, traced);
+        }
+        let [n, m] = self.igi.interleave;
         let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
         let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let sample = (self.sample(), self.pass == 0);
         let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
         let traced = traced + walk.lighting.traced();
         (walk.lighting.gathered, traced)
     }
 
-    /// The light that a row of the picture has gathered in the pass, filtered if that was asked for. `gathered` is the whole
-    /// picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more follow.
-    /// What a history is to remember of the row is put into `remembered`, if there is to be one; `history` is the one before.
-    pub fn row(
+    /// The light that falls on what a row of the picture sees in the pass, filtered if that was asked for. `gathered` is the
+    /// whole picture, row by row. Only the first passes are filtered, so that what the filter gets wrong vanishes as more
+    /// follow. What a history is to remember of the row is put into `remembered`, if there is to be one; `history` is the one
+    /// before.
+    pub fn light(
         &self,
         gathered: &[Gathered],
         (width, height): (u32, u32),
         y: u32,
         history: Option<&History>,
         mut remembered: Option<&mut Vec<Remembered>>,
-    ) -> Vec<Vec3> {
-        let filtered = self.igi.filter && self.sample() < FILTERED_PASSES;
+    ) -> Vec<Light> {
         let window = Window {
             pixels: gathered,
             width,
             height,
-            pattern: if filtered { self.igi.interleave } else { [1, 1] },
+            pattern: if self.is_filtered() { self.igi.interleave } else { [1, 1] },
             eye: self.view.camera.position(),
         };
         let pixel = |x| {
@@ -232,8 +274,24 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
                 light = memory.light();
                 remembered.push(memory);
             }
-            point.other + light.reflected(point.albedo)
+            light
         };
         (0..width).map(pixel).collect()
+    }
+
+    /// Whether neighbours share their light in the pass.
+    fn is_filtered(&self) -> bool {
+        self.igi.filter && self.sample() < FILTERED_PASSES
+    }
+
+    /// A row of the picture, by the light that falls on what it sees, and the number of rays. Where light is shared between
+    /// neighbours, pixels at edges take more samples.
+    pub fn row(&self, lit: &Lit<'_>, y: u32) -> (Vec<Vec3>, u64) {
+        let mut colors: Vec<Vec3> = (0..lit.size.0).map(|x| lit.color(x, y)).collect();
+        let rays = match self.is_filtered() {
+            true => edges::refine(self.view, self.settings, lit, y, &mut colors),
+            false => 0,
+        };
+        (colors, rays)
     }
 }

@@ -15,6 +15,7 @@ use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
 use heliostat_shading::sampling::{Discrete, concentric_disk};
 use heliostat_shading::{Cone, Reflector, Sampler, Source, Surface};
+use rayon::prelude::*;
 
 use super::vpl::{Vpl, VplSets};
 use crate::eye::{DULL, MIRROR_ALPHA, MIRRORS};
@@ -24,6 +25,8 @@ use crate::region::View;
 const MAX_EDGES: u32 = 16;
 /// Reflectors at which virtual point lights are compared.
 const MOST_COMPARED: usize = 32;
+/// Photons that a thread takes at a time.
+const CHUNK: u32 = 1024;
 /// Keeps the numbers of photons apart from those of light paths.
 const SEED: u32 = 0x7068_6f74;
 
@@ -63,7 +66,7 @@ struct Flight {
     aim: Option<(Reflector, u32)>,
 }
 
-/// Sends photons from `vpls`; the second result is the number of rays.
+/// Sends photons from `vpls`, on all threads of the pool at hand; the second result is the number of rays.
 pub(super) fn trace<Q: RayQuery + ?Sized>(
     view: &View<'_, Q>,
     vpls: &VplSets,
@@ -89,20 +92,26 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
         let aim = Some((*reflector, source as u32));
         Some(Flight { sampler, ray, flux, edges: sources[source].bounces, steps: 0, aim })
     };
-    let mut flights: Vec<Flight> = (0..plan.count).filter_map(launch).collect();
-    let (mut photons, mut hits, mut rays_traced) = (Vec::new(), Vec::new(), 0);
-    while !flights.is_empty() {
-        let rays: Vec<Ray> = flights.iter().map(|flight| flight.ray).collect();
-        hits.clear();
-        hits.resize(rays.len(), Hit::MISS);
-        view.query.intersect(&rays, &mut hits);
-        rays_traced += rays.len() as u64;
-        let arrived = flights.into_iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
-        flights = arrived
-            .filter_map(|(flight, hit)| land(view, plan, &sources, flight, hit, &mut photons))
-            .collect();
-    }
-    (photons, rays_traced)
+    let fly = |chunk: u32| {
+        let end = plan.count.min((chunk + 1) * CHUNK);
+        let mut flights: Vec<Flight> = (chunk * CHUNK..end).filter_map(launch).collect();
+        let (mut photons, mut hits, mut rays_traced) = (Vec::new(), Vec::new(), 0);
+        while !flights.is_empty() {
+            let rays: Vec<Ray> = flights.iter().map(|flight| flight.ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            view.query.intersect(&rays, &mut hits);
+            rays_traced += rays.len() as u64;
+            let arrived = flights.into_iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
+            flights = arrived
+                .filter_map(|(flight, hit)| land(view, plan, &sources, flight, hit, &mut photons))
+                .collect();
+        }
+        (photons, rays_traced)
+    };
+    let chunks: Vec<_> = (0..plan.count.div_ceil(CHUNK)).into_par_iter().map(fly).collect();
+    let rays_traced = chunks.iter().map(|(_, rays)| rays).sum();
+    (chunks.into_iter().flat_map(|(photons, _)| photons).collect(), rays_traced)
 }
 
 /// Irradiance that a source causes where reflectors are, with a floor for those beside it.

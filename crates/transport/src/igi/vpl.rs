@@ -4,6 +4,7 @@
 //! Keller, "Instant Radiosity", 1997. Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using
 //! Fast Ray Tracing", 2002.
 
+use glam::Vec3;
 use heliostat_kernel::RayQuery;
 use heliostat_shading::color::luminance;
 use heliostat_shading::{Sampler, Source};
@@ -16,6 +17,8 @@ use crate::region::View;
 
 /// Keeps the numbers of short rays apart from those of light paths.
 const SHORT_RAYS: u32 = 0x7368_6f72;
+/// Sets whose pixels send short rays, at least.
+const SHORT_SETS: usize = 8;
 /// Candidates for each virtual point light that is kept.
 pub(super) const CANDIDATES: u32 = 8;
 /// Where more paths are asked for than these, there are fewer candidates for each.
@@ -40,6 +43,16 @@ impl Vpl {
             Source::Patch { radiance, .. } if self.bounces > 0 => luminance(radiance),
             _ => f32::INFINITY,
         }
+    }
+}
+
+impl Vpl {
+    /// Luminance of the irradiance that one brings to a point if nothing stands between. `bound` limits geometric terms.
+    pub(super) fn irradiance(&self, bound: f32, position: Vec3, normal: Vec3) -> f32 {
+        let light = self.source.light(position);
+        let irradiance = luminance(light.radiance) * light.facing * normal.dot(light.wi).max(0.0);
+        let most = self.strength() * bound;
+        if irradiance.is_nan() { 0.0 } else { irradiance.min(most) }
     }
 }
 
@@ -90,6 +103,15 @@ pub(super) struct VplPlan {
 }
 
 impl VplSets {
+    /// By what the short rays of a set are to be multiplied, none if it has none: however many sets a pattern has, those of
+    /// [`SHORT_SETS`] are enough.
+    pub(super) fn short_rays(&self, set: usize) -> Option<f32> {
+        let step = (self.sets.len() / SHORT_SETS).max(1);
+        // The last ones of a step that is not whole.
+        let count = self.sets.len().div_ceil(step);
+        set.is_multiple_of(step).then(|| self.sets.len() as f32 / count as f32)
+    }
+
     /// Draws all paths and keeps what matters of what they leave.
     pub(super) fn new<Q: RayQuery + ?Sized>(view: &View<'_, Q>, plan: &VplPlan) -> Self {
         let PathPlan { sets, pass, seed, .. } = plan.paths;
