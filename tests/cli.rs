@@ -193,23 +193,29 @@ fn a_picture_does_not_depend_on_threads_but_on_the_seed() {
     assert_eq!(files(&folder), ["one.exr", "seed.exr", "two.exr"]);
 }
 
-/// Both accelerators find the same triangles. Without glass and mirrors no path hangs on the last bit of a hit, so the pictures
-/// are equal up to single precision: relative squares of 1e-14 to 1e-11.
+/// Both accelerators give the same pictures, bit for bit, but where a ray runs along an edge within rounding: the kd-tree may
+/// then see the neighbour. Without glass and mirrors that is one pixel here and there, in some of the pictures.
 #[test]
 fn a_picture_depends_on_the_accelerator_by_rounding_alone() {
     let folder = folder("accelerators");
-    for (scene, options) in [
-        ("cornell", "--size 48x48 --spp 8"),
-        ("atrium", "--renderer direct --materials diffuse --size 64x36 --spp 4"),
-    ] {
-        for accel in ["bvh", "kdtree"] {
-            let arguments = format!("render {scene} {options} --accel {accel} -o {scene}-{accel}.exr");
+    let differences = |scene: &str, options: &str| {
+        let pictures = ["bvh", "kdtree"].map(|accel| {
+            let name = format!("{scene}-{accel}.exr");
+            let arguments = format!("render {scene} {options} --accel {accel} -o {name}");
             expect_code(&heliostat(&folder, &arguments), 0);
-        }
-        let judge = format!("compare {scene}-bvh.exr {scene}-kdtree.exr --max-relmse 1e-9 --json");
-        let output = heliostat(&folder, &judge);
-        assert_eq!(output.status.code(), Some(0), "{scene}: {}", stdout(&output));
-    }
+            name
+        });
+        let judged = heliostat(&folder, &format!("compare {} {} --json", pictures[0], pictures[1]));
+        let figures: Value = serde_json::from_str(&stdout(&judged)).expect("JSON");
+        figures["relmse"].as_f64().expect("a number")
+    };
+    assert_eq!(differences("cornell", "--size 48x48 --spp 8"), 0.0);
+    let atrium = [0, 1, 2, 3, 4, 5].map(|seed| {
+        let options = "--renderer direct --materials diffuse --size 64x36 --spp 4";
+        differences("atrium", &format!("{options} --seed {seed}"))
+    });
+    assert!(atrium.iter().filter(|&&relmse| relmse == 0.0).count() >= 3, "{atrium:?}");
+    assert!(atrium.iter().all(|&relmse| relmse < 1.0e-4), "{atrium:?}");
     let unknown = heliostat(&folder, "render cornell --accel grid -o x.png");
     expect_code(&unknown, 2);
     assert!(stderr(&unknown).contains("kdtree"), "{}", stderr(&unknown));
