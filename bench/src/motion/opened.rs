@@ -5,15 +5,15 @@ use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 use heliostat::kernel::glam::{Affine3A, Quat, Vec3};
-use heliostat::kernel::{
-    BuildOptions, Hit, Instance, Mesh, Object, Quadrics, Ray, RayQuery, Tile, TriangleBvh, World,
-};
+use heliostat::kernel::{BuildOptions, Hit, Instance, Mesh, Object, Ray, RayQuery, Tile, TriangleBvh, World};
 
 use crate::measure::{Clock, geometric_mean, interleave};
 use crate::result;
 
 /// Things in a heap.
 const THINGS: usize = 150;
+/// Among so many instances, of which all but the things are nothing, none is opened.
+const TOO_MANY: usize = 1025;
 /// Pictures are so many tiles wide and high.
 const TILES: usize = 24;
 /// Unrelated rays per run.
@@ -47,24 +47,23 @@ pub(super) fn run(runs: usize) -> Result<(), String> {
 fn heaps(mesh: &Mesh) -> Result<[(World, f32); 2], String> {
     let tree = TriangleBvh::build(std::slice::from_ref(mesh), &BuildOptions::default());
     let thing = Object::new(Some(tree.map_err(|e| e.to_string())?.into()), Vec::new());
-    let thing = thing.map_err(|e| e.to_string())?;
-    // Spheres, of which there are none, could be anywhere: such a thing is never opened.
-    let mut closed = thing.clone();
-    closed.set_quadrics(Some(Arc::new(Quadrics::build([]).map_err(|e| e.to_string())?)));
-    let heap = |thing: Object| {
-        let (thing, mut random) = (Arc::new(thing), Random(1));
+    let thing = Arc::new(thing.map_err(|e| e.to_string())?);
+    let nothing = Arc::new(Object::new(None, Vec::new()).map_err(|e| e.to_string())?);
+    let heap = |count: usize| {
+        let mut random = Random(1);
         let instance = |id| {
             let [x, y, z, w] = [(); 4].map(|()| random.signed());
             let turn = Quat::from_xyzw(x, y, z, w).normalize();
             let parent_from_object = Affine3A::from_rotation_translation(turn, random.vec() * 0.8);
-            Instance { object: thing.clone(), parent_from_object, motion: None, id }
+            let object = if (id as usize) < THINGS { &thing } else { &nothing };
+            Instance { object: object.clone(), parent_from_object, motion: None, id }
         };
         let mut heap =
-            Object::new(None, (0..THINGS as u32).map(instance).collect()).map_err(|e| e.to_string())?;
+            Object::new(None, (0..count as u32).map(instance).collect()).map_err(|e| e.to_string())?;
         let sah = heap.update(&mut []).map_err(|e| e.to_string())?.sah;
         Ok::<_, String>((World::new(Arc::new(heap)), sah))
     };
-    Ok([heap(thing)?, heap(closed)?])
+    Ok([heap(THINGS)?, heap(TOO_MANY)?])
 }
 
 /// Seconds for the rays of a picture, in tiles.
