@@ -102,10 +102,13 @@ impl Target {
         let mut files = vec![self.path.clone()];
         for plane in frame.planes.iter().filter(|_| self.format != Format::Exr) {
             let path = self.path.with_extension(format!("{}.{}", plane.plane.name(), self.extension()));
-            let colors = plane_colors(plane);
             let bytes = match self.format {
-                Format::Hdr => encode_hdr(width, height, &colors)?,
-                _ => encode_png(width, height, &plane_bytes(&colors, plane.plane))?,
+                Format::Hdr => encode_hdr(width, height, &plane_colors(plane))?,
+                _ => {
+                    let mut rgb = Vec::new();
+                    plane_bytes(plane, &mut rgb);
+                    encode_png(width, height, &rgb)?
+                }
             };
             write(&path, &bytes)?;
             files.push(path);

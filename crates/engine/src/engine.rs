@@ -73,6 +73,8 @@ pub struct Engine {
     /// What the frame before has seen, if frames are to go on from each other.
     history: Option<History>,
     buffers: Mutex<igi::Buffers>,
+    /// A frame that came back.
+    spare: Option<Frame>,
     /// What the materials were overridden with in the last picture.
     overridden: MaterialOverride,
 }
@@ -119,6 +121,7 @@ impl Engine {
             pool,
             history: None,
             buffers: Mutex::default(),
+            spare: None,
             overridden: MaterialOverride::None,
         })
     }
@@ -323,7 +326,7 @@ impl Backend for Engine {
         let bind =
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
         let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
-        let film = Film::new(request, &post::planes(request, &pixel_shaders));
+        let film = Film::new(request, &post::planes(request, &pixel_shaders), self.spare.take());
         let mut history = self.history.take();
         if self.overridden != request.materials {
             self.overridden = request.materials.clone();
@@ -331,8 +334,14 @@ impl Backend for Engine {
         }
         let stats = self.render_frame(request, renderer, &film, &mut history, progress);
         self.history = history;
-        let stats = stats?;
         let mut frame = film.finish();
+        let stats = match stats {
+            Ok(stats) => stats,
+            Err(error) => {
+                self.reuse(frame);
+                return Err(error);
+            }
+        };
         let camera = CameraRays::new(&request.camera, request.width, request.height);
         self.pool.install(|| {
             post::count_visits(&mut frame, self.compiled.world(), &camera);
@@ -342,6 +351,10 @@ impl Backend for Engine {
         frame.problems = self.compiled.shading(&request.materials).take_problems();
         frame.stats = stats;
         Ok(frame)
+    }
+
+    fn reuse(&mut self, frame: Frame) {
+        self.spare = Some(frame);
     }
 
     fn renderers(&self) -> &[&'static str] {

@@ -13,15 +13,22 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// A black frame of the requested size with some planes.
-    pub(crate) fn new(request: &FrameRequest, planes: &[Plane]) -> Self {
+    /// A black frame of the requested size with some planes, in the buffers of another one.
+    pub(crate) fn new(request: &FrameRequest, planes: &[Plane], spare: Option<Frame>) -> Self {
         let (width, height) = (request.width, request.height);
         let pixels = width as usize * height as usize;
-        let plane = |&plane: &Plane| PlaneData { plane, values: vec![0.0; pixels * plane.channels()] };
+        let (mut color, spare) = spare.map_or_else(Default::default, |spare| (spare.color, spare.planes));
+        renew(&mut color, pixels);
+        let mut spare = spare.into_iter();
+        let plane = |&plane: &Plane| {
+            let mut values = spare.next().map_or_else(Vec::new, |spare| spare.values);
+            renew(&mut values, pixels * plane.channels());
+            PlaneData { plane, values }
+        };
         let planes = planes.iter().map(plane).collect();
-        let (color, stats) = (vec![Vec3::ZERO; pixels], FrameStats::default());
+        let (stats, problems) = (FrameStats::default(), Vec::new());
         Self {
-            frame: Mutex::new(Frame { width, height, color, planes, stats, problems: Vec::new() }),
+            frame: Mutex::new(Frame { width, height, color, planes, stats, problems }),
             per_sample: 1.0 / request.samples as f32,
         }
     }
@@ -66,6 +73,22 @@ impl Film {
     pub(crate) fn finish(self) -> Frame {
         self.frame.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
+}
+
+/// Buffers of so many values stay, even if fewer are needed; larger ones go when less than a quarter of them is.
+const KEPT: usize = 640 * 480;
+
+/// Makes a buffer hold `count` default values. The largest picture so far decides its size: buffers of ever other sizes
+/// would leave holes between them that are never given back.
+pub(crate) fn renew<T: Clone + Default>(buffer: &mut Vec<T>, count: usize) {
+    let wasted = buffer.capacity() > KEPT && buffer.capacity() / 4 > count;
+    buffer.clear();
+    if buffer.capacity() < count || wasted {
+        // The old one goes before the new one comes.
+        *buffer = Vec::new();
+        buffer.reserve_exact(count);
+    }
+    buffer.resize(count, T::default());
 }
 
 /// One pixel of one plane. Geometry is averaged over the samples that hit something, light over all.

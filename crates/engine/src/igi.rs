@@ -10,38 +10,23 @@ use heliostat_transport::{
     Gathered, History, IgiFrame, IgiSettings, Light, Lit, PixelSum, Remembered, Settings, View,
 };
 
-use crate::film::Film;
+use crate::film::{Film, renew};
 use crate::meter::Metered;
 use crate::queue::work_through;
 
-/// What a frame is made in, kept from frame to frame: large buffers of ever other sizes would leave holes between them
-/// that are never given back.
+/// What a frame is made in, kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Buffers {
     picture: Vec<Gathered>,
     /// Of all pixels, region by region.
     sums: Vec<PixelSum>,
-    /// Light of all pixels, row by row.
+    /// What falls on all pixels, row by row, and what comes back from them.
+    lit: Vec<Light>,
     light: Vec<Vec3>,
     /// What each row leaves to the next frame.
     rows: Vec<Mutex<Vec<Remembered>>>,
     /// What frames before have left and no longer need.
     old: Vec<Remembered>,
-}
-
-/// Buffers for so many pixels stay, even if fewer are needed; larger ones go when less than a quarter of them is.
-const KEPT_PIXELS: usize = 640 * 480;
-
-/// Makes a buffer hold `count` default values.
-fn renew<T: Clone + Default>(buffer: &mut Vec<T>, count: usize) {
-    buffer.clear();
-    let wasted = buffer.capacity() > KEPT_PIXELS && buffer.capacity() / 4 > count;
-    if buffer.capacity() < count || wasted {
-        // The old one goes before the new one comes.
-        *buffer = Vec::new();
-        buffer.reserve_exact(count);
-    }
-    buffer.resize(count, T::default());
 }
 
 impl Buffers {
@@ -51,16 +36,15 @@ impl Buffers {
         renew(&mut self.picture, pixels);
         renew(&mut self.sums, pixels);
         renew(&mut self.light, pixels);
+        renew(&mut self.lit, pixels);
         self.rows.resize_with(height as usize, Mutex::default);
         self.rows.iter().for_each(|row| {
             let mut row = locked(row);
             row.clear();
             row.reserve_exact(width as usize);
         });
+        renew(&mut self.old, pixels);
         self.old.clear();
-        if self.old.capacity() > KEPT_PIXELS && self.old.capacity() / 4 > pixels {
-            self.old = Vec::new();
-        }
     }
 }
 
@@ -87,7 +71,7 @@ pub(crate) fn render(
     let pixels = size.0 as usize * size.1 as usize;
     let mut buffers = locked(buffers);
     buffers.renew(size);
-    let Buffers { picture, sums, light, rows: remembered, old } = &mut *buffers;
+    let Buffers { picture, sums, lit: falling, light, rows: remembered, old } = &mut *buffers;
     let mut rest = &mut sums[..];
     let sums: Vec<_> = regions
         .iter()
@@ -114,12 +98,13 @@ pub(crate) fn render(
             let memory = options.accumulate.then_some(&mut *memory);
             *locked(&lights[y]) = frame.light(picture, size, y as u32, before, memory);
         })?;
-        let lights: Vec<Light> = lights.iter().flat_map(|row| std::mem::take(&mut *locked(row))).collect();
-        if lights.len() < pixels {
+        falling.clear();
+        lights.iter().for_each(|row| falling.append(&mut locked(row)));
+        if falling.len() < pixels {
             // Cancelled.
             break;
         }
-        let lit = Lit { gathered: picture, lights: &lights, size };
+        let lit = Lit { gathered: picture, lights: falling, size };
         work_through(pool, rows.len(), &stop, &|y| {
             let (colors, traced) = frame.row(&lit, y as u32);
             rays.fetch_add(traced, Ordering::Relaxed);

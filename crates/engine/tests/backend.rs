@@ -78,6 +78,29 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
+fn buffers_that_are_used_again_leave_nothing_behind() {
+    let mut engine = engine(2);
+    let wide =
+        FrameRequest { width: 80, height: 61, planes: vec![Plane::Normal, Plane::Cost], ..request("path") };
+    for renderer in ["direct", "igi"] {
+        let wanted =
+            FrameRequest { planes: vec![Plane::Depth, Plane::Position, Plane::Nodes], ..request(renderer) };
+        let mut frames = [&wanted, &wide, &wanted].map(|request| {
+            let frame = engine.render(request, &Progress::new()).expect("a frame");
+            engine.reuse(frame.clone());
+            frame
+        });
+        let cancelled = Progress::new();
+        cancelled.cancel();
+        assert_eq!(engine.render(&wide, &cancelled), Err(BackendError::Cancelled));
+        for frame in &mut frames {
+            (frame.stats.milliseconds, frame.stats.query_milliseconds) = (0.0, 0.0);
+        }
+        assert_eq!(frames[0], frames[2], "{renderer}");
+    }
+}
+
+#[test]
 fn seeds_and_frames_change_the_noise_alone() {
     let mut engine = engine(2);
     let base = engine.render(&request("path"), &Progress::new()).expect("a frame");

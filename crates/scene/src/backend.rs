@@ -19,6 +19,11 @@ pub trait Backend {
     /// [`BackendError::Request`] for a request that cannot be met, [`BackendError::Cancelled`].
     fn render(&mut self, request: &FrameRequest, progress: &Progress) -> Result<Frame, BackendError>;
 
+    /// Takes back a frame that is no longer needed, its own or another backend's: its buffers may serve the next one.
+    fn reuse(&mut self, frame: Frame) {
+        drop(frame);
+    }
+
     /// The renderers this backend has; names for [`FrameRequest::renderer`].
     fn renderers(&self) -> &[&'static str];
 }

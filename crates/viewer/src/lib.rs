@@ -16,6 +16,7 @@ mod governor;
 mod hand;
 mod host;
 mod input;
+mod lent;
 mod luminaire;
 mod navigator;
 mod pick;

@@ -40,17 +40,21 @@ pub struct Picture {
     pub input: u64,
 }
 
-/// Share of the pixels of a heat map that may count more than what is white.
+/// Share of the pixels of a heat map that may count more than what is white, and of how many it is found.
 const BRIGHTEST: f32 = 0.01;
+const ASKED: usize = 4096;
 
 /// Mean of a plane of counts, and the count that its heat map shows white: one that few pixels exceed. `None` for other
 /// planes.
 pub(crate) fn count_range(plane: &PlaneData) -> Option<[f32; 2]> {
-    let mut values: Vec<f32> = plane.values.iter().copied().filter(|v| v.is_finite()).collect();
+    let finite = |v: &f32| v.is_finite();
+    let some = plane.values.iter().step_by(plane.values.len() / ASKED + 1);
+    let mut values: Vec<f32> = some.copied().filter(finite).collect();
     if !plane.plane.is_count() || values.is_empty() {
         return None;
     }
-    let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+    let all = || plane.values.iter().copied().filter(finite);
+    let mean = all().map(f64::from).sum::<f64>() / all().count() as f64;
     let place = ((values.len() - 1) as f32 * (1.0 - BRIGHTEST)) as usize;
     let (_, white, _) = values.select_nth_unstable_by(place, f32::total_cmp);
     Some([mean as f32, white.max(1.0)])
@@ -59,26 +63,32 @@ pub(crate) fn count_range(plane: &PlaneData) -> Option<[f32; 2]> {
 /// A plane as colours from 0 to 1: depth and position over their range, normals as 0.5 + 0.5 n, identifiers as distinct
 /// colours, counts in false colours up to one that few pixels exceed, the rest as it is.
 pub fn plane_colors(plane: &PlaneData) -> Vec<Vec3> {
+    let color = color_of(plane);
+    (0..pixels_of(plane)).map(color).collect()
+}
+
+fn pixels_of(plane: &PlaneData) -> usize {
+    plane.values.len() / plane.plane.channels()
+}
+
+/// The colour of each pixel.
+fn color_of(plane: &PlaneData) -> impl Fn(usize) -> Vec3 {
     let finite = || plane.values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max));
-    let over_range = |v: f32| if high > low { (v - low) / (high - low) } else { 0.0 };
-    let grey = |map: &dyn Fn(f32) -> f32| plane.values.iter().map(|&v| Vec3::splat(map(v))).collect();
-    let triples = |map: &dyn Fn(f32) -> f32| {
-        plane.values.chunks_exact(3).map(|v| Vec3::new(map(v[0]), map(v[1]), map(v[2]))).collect()
-    };
-    match plane.plane {
-        // Near is bright; what is hit nowhere stays black.
-        Plane::Depth => grey(&|v| if v > 0.0 { 1.0 - 0.9 * v / high } else { 0.0 }),
-        Plane::Normal => triples(&|v| 0.5 + 0.5 * v),
-        Plane::Position => triples(&over_range),
-        Plane::Albedo => triples(&|v| v),
-        Plane::Alpha => grey(&|v| v),
-        Plane::ObjectId | Plane::InstanceId | Plane::MaterialId => {
-            plane.values.iter().map(|&id| identity_color(id as u32)).collect()
-        }
-        Plane::Nodes | Plane::Triangles | Plane::Cost => {
-            let white = count_range(plane).map_or(1.0, |[_, white]| white);
-            plane.values.iter().map(|&count| heat_color(count / white)).collect()
+    let white = count_range(plane).map_or(1.0, |[_, white]| white);
+    move |pixel| {
+        let triple = || Vec3::from_slice(&plane.values[3 * pixel..]);
+        let value = plane.values[pixel];
+        match plane.plane {
+            // Near is bright; what is hit nowhere stays black.
+            Plane::Depth => Vec3::splat(if value > 0.0 { 1.0 - 0.9 * value / high } else { 0.0 }),
+            Plane::Normal => 0.5 + 0.5 * triple(),
+            Plane::Position if high > low => (triple() - low) / (high - low),
+            Plane::Position => Vec3::ZERO,
+            Plane::Albedo => triple(),
+            Plane::Alpha => Vec3::splat(value),
+            Plane::ObjectId | Plane::InstanceId | Plane::MaterialId => identity_color(value as u32),
+            Plane::Nodes | Plane::Triangles | Plane::Cost => heat_color(value / white),
         }
     }
 }
@@ -94,14 +104,18 @@ fn identity_color(id: u32) -> Vec3 {
     value * (Vec3::splat(0.25) + 0.75 * Vec3::new(channel(0.0), channel(4.0), channel(2.0)))
 }
 
-/// The bytes of a shown plane. Albedo and the false colours of counts get the sRGB curve; everything else is data and
-/// stays as it is.
-pub fn plane_bytes(colors: &[Vec3], plane: Plane) -> Vec<u8> {
+/// Makes `bytes` the rows of RGB of a shown plane. Albedo and the false colours of counts get the sRGB curve; everything
+/// else is data and stays as it is.
+pub fn plane_bytes(plane: &PlaneData, bytes: &mut Vec<u8>) {
     let curve = |l: f32| if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
-    let encode = |v: f32| {
-        if plane == Plane::Albedo || plane.is_count() { curve(v.clamp(0.0, 1.0)) } else { v.clamp(0.0, 1.0) }
-    };
-    colors.iter().flat_map(|c| c.to_array().map(|v| (encode(v) * 255.0 + 0.5) as u8)).collect()
+    let curved = plane.plane == Plane::Albedo || plane.plane.is_count();
+    let encode = |v: f32| if curved { curve(v.clamp(0.0, 1.0)) } else { v.clamp(0.0, 1.0) };
+    let color = color_of(plane);
+    bytes.clear();
+    bytes.reserve_exact(3 * pixels_of(plane));
+    for pixel in 0..pixels_of(plane) {
+        bytes.extend(color(pixel).to_array().map(|v| (encode(v) * 255.0 + 0.5) as u8));
+    }
 }
 
 /// Why a picture could not be packed.
@@ -118,38 +132,35 @@ impl Picture {
         PackError { width: self.frame.width, height: self.frame.height, problem: problem.to_string() }
     }
 
-    /// Packs it as JPEG of a quality from 1 to 100: small, with losses.
+    /// Makes `bytes` a JPEG of it, of a quality from 1 to 100: small, with losses.
     ///
     /// # Errors
     /// When it has more than 65535 columns or rows.
-    pub fn to_jpeg(&self, quality: u8) -> Result<Vec<u8>, PackError> {
+    pub fn to_jpeg(&self, quality: u8, bytes: &mut Vec<u8>) -> Result<(), PackError> {
         let (width, height) = (u16::try_from(self.frame.width), u16::try_from(self.frame.height));
         let (Ok(width), Ok(height)) = (width, height) else { return Err(self.error("too large")) };
-        let mut bytes = Vec::with_capacity(self.rgb.len() / 8);
-        let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, quality.clamp(1, 100));
+        bytes.clear();
+        let mut encoder = jpeg_encoder::Encoder::new(bytes, quality.clamp(1, 100));
         if quality < 90 {
             encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::R_4_2_0);
         }
-        encoder
-            .encode(&self.rgb, width, height, jpeg_encoder::ColorType::Rgb)
-            .map_err(|error| self.error(error))?;
-        Ok(bytes)
+        let packed = encoder.encode(&self.rgb, width, height, jpeg_encoder::ColorType::Rgb);
+        packed.map_err(|error| self.error(error))
     }
 
-    /// Packs it as PNG, without losses, quickly rather than tightly.
+    /// Makes `bytes` a PNG of it, without losses, packed quickly rather than tightly.
     ///
     /// # Errors
     /// When the encoder refuses.
-    pub fn to_png(&self) -> Result<Vec<u8>, PackError> {
-        let mut bytes = Vec::with_capacity(self.rgb.len() / 2);
-        let mut encoder = png::Encoder::new(&mut bytes, self.frame.width, self.frame.height);
+    pub fn to_png(&self, bytes: &mut Vec<u8>) -> Result<(), PackError> {
+        bytes.clear();
+        let mut encoder = png::Encoder::new(bytes, self.frame.width, self.frame.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::Fast);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&self.rgb));
-        written.map_err(|error| self.error(error))?;
-        Ok(bytes)
+        written.map_err(|error| self.error(error))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The mean of successive frames of a scene that stands still.
 
 use glam::Vec3;
-use heliostat_scene::{Frame, PlaneData};
+use heliostat_scene::{Frame, Plane, PlaneData};
 
 /// Sums up frames.
 #[derive(Debug, Default)]
@@ -35,7 +35,12 @@ impl Refinement {
         if self.frames == 0 || self.size != size {
             self.size = size;
             self.sum.clone_from(&frame.color);
-            self.planes.clone_from(&frame.planes);
+            self.planes
+                .resize_with(frame.planes.len(), || PlaneData { plane: Plane::Depth, values: Vec::new() });
+            for (kept, new) in self.planes.iter_mut().zip(&frame.planes) {
+                kept.plane = new.plane;
+                kept.values.clone_from(&new.values);
+            }
             self.frames = 1;
             return;
         }

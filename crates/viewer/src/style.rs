@@ -253,8 +253,9 @@ impl Finish {
     /// Planes that effects look at.
     pub(crate) const GEOMETRY: [Plane; 2] = [Plane::Depth, Plane::Normal];
 
-    /// Puts a frame through its effects, on the threads of the current pool; `planes` hold the geometry.
-    pub(crate) fn apply(&self, frame: &mut Frame, planes: &[PlaneData]) {
+    /// Puts a frame through its effects, on the threads of the current pool; `planes` hold the geometry, `other` is a buffer
+    /// that changes places with the frame's.
+    pub(crate) fn apply(&self, frame: &mut Frame, planes: &[PlaneData], other: &mut Vec<Vec3>) {
         for effect in &self.effects {
             let plane = |wanted: Plane| {
                 let found = planes.iter().find(|data| data.plane == wanted);
@@ -263,18 +264,18 @@ impl Finish {
             let (width, height) = (frame.width as usize, frame.height as usize);
             let (depth, normal) = (plane(Plane::Depth), plane(Plane::Normal));
             let picture = PixelFrame { width, height, color: &frame.color, depth, normal };
-            frame.color = rows(effect, &picture);
+            rows(effect, &picture, other);
+            std::mem::swap(&mut frame.color, other);
         }
     }
 }
 
 /// All rows of a picture through a shader.
-fn rows(shader: &BoundPixelShader, picture: &PixelFrame<'_>) -> Vec<Vec3> {
-    let mut out = vec![Vec3::ZERO; picture.color.len()];
+fn rows(shader: &BoundPixelShader, picture: &PixelFrame<'_>, out: &mut Vec<Vec3>) {
+    out.resize(picture.color.len(), Vec3::ZERO);
     out.par_chunks_mut(picture.width.max(1))
         .enumerate()
         .for_each(|(row, colors)| shader.row(LaneMode::default(), picture, row, colors));
-    out
 }
 
 /// Maps radiance to bytes as [`heliostat_shading::tone`] does, by a table: within one step of 256, ten times as fast.
@@ -303,18 +304,20 @@ impl Tone {
         Self { curve: (!alone).then_some(curve), table }
     }
 
-    /// Rows of RGB bytes after `ev` stops of exposure.
-    pub(crate) fn map(&self, color: &[Vec3], width: u32, ev: f32) -> Vec<u8> {
+    /// Makes `bytes` the rows of RGB after `ev` stops of exposure.
+    pub(crate) fn map(&self, color: &[Vec3], width: u32, ev: f32, bytes: &mut Vec<u8>) {
         let gain = ev.exp2();
-        let Some(curve) = &self.curve else { return self.bytes(color, gain) };
+        let Some(curve) = &self.curve else { return self.look_up(color, gain, bytes) };
         let color: Vec<Vec3> = color.iter().map(|&c| c * gain).collect();
         let width = width.max(1) as usize;
         let height = color.len() / width;
         let picture = PixelFrame { width, height, color: &color, depth: &[], normal: &[] };
-        self.bytes(&rows(curve, &picture), 1.0)
+        let mut curved = Vec::new();
+        rows(curve, &picture, &mut curved);
+        self.look_up(&curved, 1.0, bytes);
     }
 
-    fn bytes(&self, color: &[Vec3], gain: f32) -> Vec<u8> {
+    fn look_up(&self, color: &[Vec3], gain: f32, bytes: &mut Vec<u8>) {
         let last = self.table.len() - 1;
         let byte = |x: f32| {
             let x = x * gain;
@@ -322,11 +325,11 @@ impl Tone {
             let bits = if x > 0.0 { x.to_bits() } else { 0 };
             self.table[((bits.max(LOWEST) - LOWEST) >> SHIFT).min(last as u32) as usize]
         };
-        let mut bytes = Vec::with_capacity(3 * color.len());
+        bytes.clear();
+        bytes.reserve_exact(3 * color.len());
         for c in color {
             bytes.extend_from_slice(&[byte(c.x), byte(c.y), byte(c.z)]);
         }
-        bytes
     }
 }
 
@@ -352,7 +355,8 @@ mod tests {
             let curve = PixelRegistry::built_in().bind(&ShaderUse::named(name)).expect("a curve");
             for ev in [0.0, -3.3, 5.0] {
                 let width = colors.len() as u32;
-                let table = finish.tone.map(&colors, width, ev);
+                let mut table = Vec::new();
+                finish.tone.map(&colors, width, ev, &mut table);
                 let exact = tone::tone_map_by(&curve, &colors, width, ev);
                 let worst = table.iter().zip(&exact).map(|(a, b)| a.abs_diff(*b)).max();
                 assert!(worst <= Some(1), "{name}: {worst:?} at {ev}");
@@ -381,7 +385,7 @@ mod tests {
                 problems: Vec::new(),
             };
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| finish.apply(&mut frame, &planes));
+            pool.install(|| finish.apply(&mut frame, &planes, &mut Vec::new()));
             frame.color
         };
         let shaded = shade(1);

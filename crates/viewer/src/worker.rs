@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use heliostat_scene::{BackendError, Frame, FrameRequest, Progress};
 use heliostat_shading::tone;
 
@@ -11,8 +12,9 @@ use crate::document::Refusal;
 use crate::governor::Governor;
 use crate::host::{Host, Opened, Source};
 use crate::input::Input;
+use crate::lent::Lent;
 use crate::navigator::Mode;
-use crate::picture::{Picture, count_range, plane_bytes, plane_colors};
+use crate::picture::{Picture, count_range, plane_bytes};
 use crate::refine::Refinement;
 use crate::replay::Replay;
 use crate::session::{Inbox, SessionOptions, Shared};
@@ -63,6 +65,10 @@ pub(crate) struct Worker {
     early: Vec<(u64, Input)>,
     /// Stops, as adapted so far.
     exposure: Option<f32>,
+    /// Frames and rows of bytes that faces look at, and a buffer for what is made of a frame.
+    frames: Lent<Frame>,
+    bytes: Lent<Vec<u8>>,
+    colors: Vec<Vec3>,
     /// The picture on show.
     shown: Option<Arc<Picture>>,
     /// Whether it shows something else than there is now.
@@ -118,6 +124,9 @@ impl Worker {
             last: now,
             early: Vec::new(),
             exposure: None,
+            frames: Lent::default(),
+            bytes: Lent::default(),
+            colors: Vec::new(),
             shown: None,
             dirty: false,
             done: false,
@@ -378,7 +387,11 @@ impl Worker {
         let progress = Arc::new(Progress::new());
         // Whatever input stops a better picture makes a moving one, which nothing stops: there is always something to see.
         self.shared.give_way(still.then(|| progress.clone()));
-        let outcome = stage.document.backend().render(&request, &progress);
+        let backend = stage.document.backend();
+        if let Some(frame) = self.frames.returned() {
+            backend.reuse(frame);
+        }
+        let outcome = backend.render(&request, &progress);
         self.shared.give_way(None);
         match outcome {
             Ok(mut frame) => {
@@ -415,19 +428,22 @@ impl Worker {
         if stage.plane.is_none() {
             let planes = std::mem::take(&mut frame.planes);
             let planes = if still { self.refinement.planes() } else { &planes };
-            self.pool.install(|| stage.finish.apply(&mut frame, planes));
+            self.pool.install(|| stage.finish.apply(&mut frame, planes, &mut self.colors));
         }
-        let (rgb, exposure) = match (stage.plane, frame.planes.first()) {
-            (Some(plane), Some(data)) => {
+        let mut rgb = self.bytes.returned().unwrap_or_default();
+        let exposure = match frame.planes.first().filter(|_| stage.plane.is_some()) {
+            Some(data) => {
                 stats.counts = count_range(data);
-                (plane_bytes(&plane_colors(data), plane), 0.0)
+                plane_bytes(data, &mut rgb);
+                0.0
             }
-            _ => {
+            None => {
                 // What is in colours for a display has its brightness already.
                 let usual = if stage.finish.shown { Some(0.0) } else { None };
                 let ev = stage.exposure.or(usual).unwrap_or_else(|| adapt(&frame, &mut self.exposure));
                 stage.shown_exposure = ev;
-                (self.pool.install(|| stage.finish.tone.map(&frame.color, frame.width, ev)), ev)
+                self.pool.install(|| stage.finish.tone.map(&frame.color, frame.width, ev, &mut rgb));
+                ev
             }
         };
         stats.tone = start.elapsed().as_secs_f64() * 1e3;
@@ -443,7 +459,7 @@ impl Worker {
         stage.record(camera);
         let picture = Picture {
             number: self.pictures,
-            rgb: Arc::new(rgb),
+            rgb: self.bytes.lend(rgb),
             exposure,
             frames,
             first: self.first,
@@ -454,7 +470,7 @@ impl Worker {
             lines: stage.lines(camera),
             stats,
             input: self.input,
-            frame: Arc::new(frame),
+            frame: self.frames.lend(frame),
         };
         self.put_up(picture);
     }

@@ -15,6 +15,8 @@ const KEPT: usize = 6;
 #[derive(Debug, Default)]
 pub(super) struct Encoder {
     kept: Mutex<VecDeque<(u64, u8, Arc<Packed>)>>,
+    /// What pictures were packed in that nobody asks for any more.
+    spare: Mutex<Vec<Vec<u8>>>,
 }
 
 impl Encoder {
@@ -28,13 +30,17 @@ impl Encoder {
             return Ok(packed.clone());
         }
         let start = Instant::now();
-        let bytes = if quality == 0 { picture.to_png() } else { picture.to_jpeg(quality) };
-        let bytes = bytes.map_err(|error| error.to_string())?;
+        let mut bytes = locked(&self.spare).pop().unwrap_or_default();
+        let done =
+            if quality == 0 { picture.to_png(&mut bytes) } else { picture.to_jpeg(quality, &mut bytes) };
+        done.map_err(|error| error.to_string())?;
         let packed = Arc::new(Packed { bytes, quality, milliseconds: start.elapsed().as_secs_f64() * 1e3 });
         let mut kept = locked(&self.kept);
         kept.push_back((picture.number, quality, packed.clone()));
-        if kept.len() > KEPT {
-            kept.pop_front();
+        while kept.len() > KEPT
+            && let Some((_, _, packed)) = kept.pop_front()
+        {
+            locked(&self.spare).extend(Arc::into_inner(packed).map(|packed| packed.bytes));
         }
         Ok(packed)
     }

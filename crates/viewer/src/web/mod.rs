@@ -282,8 +282,12 @@ async fn socket(
 }
 
 async fn picture_png(State(app): State<Arc<App>>, query: Query<Parameters>, headers: HeaderMap) -> Response {
-    picture(&app, &query, &headers, "image/png", |picture, _| picture.to_png().map_err(|e| e.to_string()))
-        .await
+    picture(&app, &query, &headers, "image/png", |picture, _| {
+        let mut bytes = Vec::new();
+        picture.to_png(&mut bytes).map_err(|e| e.to_string())?;
+        Ok(bytes)
+    })
+    .await
 }
 
 async fn picture_exr(State(app): State<Arc<App>>, query: Query<Parameters>, headers: HeaderMap) -> Response {

@@ -345,7 +345,10 @@ impl Face<'_> {
         let picture = self.news.picture.as_ref().ok_or("there is no picture yet")?;
         match kind {
             "exr" => self.host.to_exr(&picture.frame).map_err(|refusal| refusal.0),
-            _ => picture.to_png().map_err(|error| error.to_string()),
+            _ => {
+                let mut bytes = Vec::new();
+                picture.to_png(&mut bytes).map(|()| bytes).map_err(|error| error.to_string())
+            }
         }
     }
 
