@@ -1,5 +1,5 @@
 //! Batches of unrelated rays.
-use fearless_simd::{Level, Simd};
+use fearless_simd::Simd;
 
 use super::{
     Within,
@@ -24,15 +24,29 @@ const BATCH: usize = 256;
 /// Fewer rays than this are not worth a packet.
 const FEW_RAYS: usize = 4;
 
+/// One ray after the other.
+#[inline(always)]
+pub(super) fn intersect_singly<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
+    let mut stack = Stack::new();
+    for (ray, hit) in rays.iter().zip(hits) {
+        *hit = closest(simd, root, ray, &mut stack);
+    }
+}
+
+/// As [`intersect_singly`], for any hit.
+#[inline(always)]
+pub(super) fn occluded_singly<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadows: Shadows<'_>) {
+    let mut stack = Stack::new();
+    for (index, ray) in rays.iter().take(shadows.occluded.len()).enumerate() {
+        let mut sight = Sight { through: shadows.through, met: false };
+        let found = any(simd, root, ray, &mut sight, &mut stack);
+        shadows.set(index, found, sight.met);
+    }
+}
+
+/// In packets of 16.
 #[inline(always)]
 pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
-    if !in_packets(simd, root, rays.len()) {
-        let mut stack = Stack::new();
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = closest(simd, root, ray, &mut stack);
-        }
-        return;
-    }
     let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
     let mut mesh = MeshOf::default();
     for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
@@ -41,8 +55,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         if let Some(bvh) = flat(root) {
             let screen = Screen { bvh, start: Child::ROOT, panes: Panes::NONE };
             for indices in sorted.packets() {
-                load(&mut packet, rays, indices);
-                let lanes = packet.lanes();
+                let lanes = packet.load(simd, rays, indices);
                 let found =
                     packet.trace::<S, false>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
                 let words = packet.hits(simd, bvh, found, &mut mesh);
@@ -57,8 +70,7 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
         for indices in sorted.packets() {
             let mut answers = Answers { hits, index: [0; LANES], through: None };
             answers.index[..indices.len()].copy_from_slice(indices);
-            load(&mut packet, rays, indices);
-            let lanes = packet.lanes();
+            let lanes = packet.load(simd, rays, indices);
             descent::through::<S, false>(
                 simd,
                 (root, Child::ROOT),
@@ -72,18 +84,10 @@ pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mu
     }
 }
 
+/// As [`intersect`], for any hit.
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadows: Shadows<'_>) {
     let rays = &rays[..rays.len().min(shadows.occluded.len())];
-    if !in_packets(simd, root, rays.len()) {
-        let mut stack = Stack::new();
-        for (index, ray) in rays.iter().enumerate() {
-            let mut sight = Sight { through: shadows.through, met: false };
-            let found = any(simd, root, ray, &mut sight, &mut stack);
-            shadows.set(index, found, sight.met);
-        }
-        return;
-    }
     let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
     let mut answers = Answers { hits: &mut [], index: [0; LANES], through: shadows.through };
     for (chunk, rays) in rays.chunks(BATCH).enumerate() {
@@ -93,8 +97,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadow
         if let Some(bvh) = flat(root) {
             let screen = Screen { bvh, start: Child::ROOT, panes: Panes::of(shadows.through, PathId::ROOT) };
             for indices in sorted.packets() {
-                load(&mut packet, rays, indices);
-                let lanes = packet.lanes();
+                let lanes = packet.load(simd, rays, indices);
                 packet.trace::<S, true>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
                 for (lane, &index) in indices.iter().enumerate() {
                     let found = packet.id[lane] != Packet::NONE;
@@ -104,8 +107,7 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadow
             continue;
         }
         for indices in sorted.packets() {
-            load(&mut packet, rays, indices);
-            let lanes = packet.lanes();
+            let lanes = packet.load(simd, rays, indices);
             let found = descent::through::<S, true>(
                 simd,
                 (root, Child::ROOT),
@@ -123,11 +125,9 @@ pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadow
     }
 }
 
-/// Whether packets can pay: several rays, vectors, and nothing that moves.
-#[inline(always)]
-fn in_packets<S: Simd>(simd: S, root: &Object, rays: usize) -> bool {
-    let vectors = !matches!(simd.level(), Level::Fallback(_));
-    rays >= FEW_RAYS && vectors && !root.has_motion() && descent::takes_packets(root)
+/// Whether packets can pay where there are vectors: several rays, and nothing that moves.
+pub(super) fn in_packets(root: &Object, rays: usize) -> bool {
+    rays >= FEW_RAYS && !root.has_motion() && descent::takes_packets(root)
 }
 
 /// The tree of a root without instances: its packets need no way down and up again.
@@ -139,17 +139,7 @@ fn flat(root: &Object) -> Option<&TriangleBvh> {
     }
 }
 
-/// Takes up rays known to be valid.
-#[inline(always)]
-fn load(packet: &mut Packet, rays: &[Ray], indices: &[u8]) {
-    packet.clear();
-    for &index in indices {
-        let ray = &rays[usize::from(index)];
-        packet.push(&LocalRay::unchecked(ray));
-    }
-}
-
-/// The valid rays of a batch, sorted by the signs of their directions: those of a packet agree.
+/// The rays of a batch, sorted by the signs of their directions: those of a packet agree.
 struct Octants {
     indices: [u8; BATCH],
     ends: [usize; 8],
@@ -161,11 +151,9 @@ impl Octants {
         let mut octants = [u8::MAX; BATCH];
         let mut counts = [0_usize; 8];
         for (ray, octant) in rays[..rays.len().min(len)].iter().zip(&mut octants) {
-            if LocalRay::new(ray).is_some() {
-                let [x, y, z] = ray.direction.to_array().map(|d| d.to_bits() >> 31);
-                *octant = (x | y << 1 | z << 2) as u8;
-                counts[usize::from(*octant)] += 1;
-            }
+            let [x, y, z] = ray.direction.to_array().map(|d| d.to_bits() >> 31);
+            *octant = (x | y << 1 | z << 2) as u8;
+            counts[usize::from(*octant)] += 1;
         }
         let mut ends = [0; 8];
         for octant in 1..8 {

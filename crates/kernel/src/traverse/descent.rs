@@ -150,6 +150,7 @@ fn placed<S: Simd, const ANY: bool>(
     scratch: &mut Scratch,
 ) -> u16 {
     let nodes = &object.instance_tree.wide.nodes[..];
+    let beam = packet.beam(simd, octant, bits);
     let mark = scratch.visits.len();
     scratch.visits.push(packet.visit(simd, Child::ROOT, bits));
     let mut found = 0;
@@ -166,7 +167,7 @@ fn placed<S: Simd, const ANY: bool>(
             found |= enter::<S, ANY>(simd, object.behind(visit.child), path, packet, bits, answers, scratch);
         } else {
             let node = &nodes[visit.child.0 as usize];
-            packet.open(simd, node, object, octant, wanting, &mut scratch.visits);
+            packet.open(simd, node, object, (octant, &beam), wanting, &mut scratch.visits);
         }
     }
     found

@@ -26,8 +26,8 @@ use crate::{
 /// An object, and the child of its triangle tree at which it is entered. All else in it is met only from the root.
 type Within<'a> = (&'a Object, Child);
 
-/// Runs a tile kernel and returns from the function, if the level has vectors worth it; goes on otherwise. (Without
-/// vectors 16 lanes are 16 instructions: the single-ray kernel is then faster, and the other one would only cost
+/// Runs a tile or packet kernel and returns from the function, if the level has vectors worth it; goes on otherwise. (Without
+/// vectors 16 lanes are 16 instructions: the single-ray kernel is then faster, and the others would only cost
 /// build time.)
 macro_rules! dispatch_wide {
     ($level:expr, $simd:ident => $call:expr) => {
@@ -70,11 +70,17 @@ macro_rules! dispatch_wide {
 }
 
 pub(crate) fn intersect(level: Level, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
-    dispatch!(level, simd => batch::intersect(simd, root, rays, hits));
+    if batch::in_packets(root, rays.len()) {
+        dispatch_wide!(level, simd => batch::intersect(simd, root, rays, hits));
+    }
+    dispatch!(level, simd => batch::intersect_singly(simd, root, rays, hits));
 }
 
 pub(crate) fn occluded(level: Level, root: &Object, rays: &[Ray], shadows: Shadows<'_>) {
-    dispatch!(level, simd => batch::occluded(simd, root, rays, shadows));
+    if batch::in_packets(root, rays.len()) {
+        dispatch_wide!(level, simd => batch::occluded(simd, root, rays, shadows));
+    }
+    dispatch!(level, simd => batch::occluded_singly(simd, root, rays, shadows));
 }
 
 pub(crate) fn intersect_tile(level: Level, root: &Object, tile: &Tile, hits: &mut [Hit]) {

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::local::LocalRay;
 use crate::{
     compact::BlockSource,
-    layout::WIDTH,
+    layout::{Block, WIDTH},
     ray::{Hit, PathId},
     triangle_bvh::TriangleBvh,
 };
@@ -45,7 +45,7 @@ pub(super) struct Exact<V> {
     /// In the ray's interval, from which rounding may have pushed what was computed.
     pub t: V,
     /// As computed.
-    distance: V,
+    pub distance: V,
     pub u: V,
     pub v: V,
     pub normal: [V; 3],
@@ -100,7 +100,7 @@ where
     let better = (off * direction[2].abs()).simd_lt(error) & !thin;
     let met = (met * direction[2]).max(nearest).min(farthest);
     let distance = better.select(met, depth) * scale;
-    Exact { t: inside(distance, rays.t_min, rays.end), distance, u, v, normal }
+    Exact { t: inside(distance, rays.t_min, rays.end), distance, u, v, normal: unit(simd, normal) }
 }
 
 /// Where rays meet the plane through `a`, relative to their origins, and the error of that.
@@ -122,7 +122,7 @@ fn plane<S: Simd, V: SimdFloat<S, Element = f32>>(
 /// As [`exact`], for one ray; hits without names.
 #[inline(always)]
 pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> Hit {
-    let Exact { t, u, v, normal: [x, y, z], .. } = exact_of_one(simd, ray, corners);
+    let Exact { t, u, v, normal: [x, y, z], .. } = exact_of(simd, ray, [corners; 2]);
     Hit { t: t[0], u: u[0], v: v[0], ng: Vec3::new(x[0], y[0], z[0]), ..Hit::MISS }
 }
 
@@ -132,15 +132,19 @@ pub(super) fn one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> H
 pub(super) fn distance<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> f32 {
     simd.vectorize(
         #[inline(always)]
-        || exact_of_one(simd, ray, corners).distance[0],
+        || exact_of(simd, ray, [corners; 2]).distance[0],
     )
 }
 
+/// One ray in two triangles.
 #[inline(always)]
-fn exact_of_one<S: Simd>(simd: S, ray: &LocalRay, corners: [[f32; 3]; 3]) -> Exact<f32x4<S>> {
+fn exact_of<S: Simd>(simd: S, ray: &LocalRay, [one, two]: [[[f32; 3]; 3]; 2]) -> Exact<f32x4<S>> {
     let mut lanes = [[f32x4::splat(simd, 0.0); 3]; 3];
-    for (lanes, corner) in lanes.iter_mut().zip(corners) {
-        *lanes = splat(simd, corner);
+    for (corner, lanes) in lanes.iter_mut().enumerate() {
+        for (axis, lanes) in lanes.iter_mut().enumerate() {
+            let (one, two) = (one[corner][axis], two[corner][axis]);
+            *lanes = f32x4::load_array(simd, [one, two, one, two]);
+        }
     }
     let rays = Lined {
         origin: splat(simd, ray.origin.to_array()),
@@ -169,18 +173,50 @@ pub(super) fn precedes<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
-            let (t, best) = (precise(simd, blocks, ray, id), precise(simd, blocks, ray, best));
-            t < best || (t == best && number < other)
+            let (mut place, mut place_of_best) = (None, None);
+            let one = blocks.block(id as usize / WIDTH, &mut place).corners(id as usize % WIDTH);
+            let two = blocks.block(best as usize / WIDTH, &mut place_of_best).corners(best as usize % WIDTH);
+            let t = exact_of(simd, ray, [one, two]).t;
+            t[0] < t[1] || (t[0] == t[1] && number < other)
         },
     )
 }
 
-/// The precise distance of triangle `id`.
+/// As [`precedes`], for the lanes in `bits`, each with its own `best`; returns those in which triangle `id` comes first.
 #[inline(always)]
-pub(super) fn precise<S: Simd>(simd: S, blocks: impl BlockSource, ray: &LocalRay, id: u32) -> f32 {
+pub(super) fn precede<S: Simd>(
+    simd: S,
+    blocks: impl BlockSource,
+    rays: &Lined<f32x16<S>>,
+    id: u32,
+    best: &[u32; LANES],
+    bits: u16,
+) -> u16 {
+    let t = exact(simd, corners(simd, blocks, id), rays).t;
+    let (others, numbers) = gather_corners(simd, blocks, best, bits);
+    let of_best = exact(simd, others, rays).t;
+    let earlier = numbers.simd_gt(u32x16::splat(simd, blocks.number(id)));
+    let first = t.simd_lt(of_best) | (t.simd_eq(of_best) & earlier);
+    first.to_bitmask() as u16 & bits
+}
+
+/// Triangle `id`, `block · 8 + lane`, for all lanes.
+#[inline(always)]
+pub(super) fn corners<S: Simd>(simd: S, blocks: impl BlockSource, id: u32) -> [Triple<S>; 3] {
     let mut place = None;
-    let block = blocks.block(id as usize / WIDTH, &mut place);
-    one(simd, ray, block.corners(id as usize % WIDTH)).t
+    lanes_of(simd, blocks.block(id as usize / WIDTH, &mut place), id as usize % WIDTH)
+}
+
+/// Triangle `lane` of a block for all lanes.
+#[inline(always)]
+pub(super) fn lanes_of<S: Simd>(simd: S, block: &Block, lane: usize) -> [Triple<S>; 3] {
+    let mut corners = [[f32x16::splat(simd, 0.0); 3]; 3];
+    for (corner, vertex) in corners.iter_mut().zip(&block.vertex) {
+        for (lanes, axis) in corner.iter_mut().zip(vertex) {
+            *lanes = f32x16::splat(simd, axis[lane & (WIDTH - 1)]);
+        }
+    }
+    corners
 }
 
 #[inline(always)]
@@ -270,8 +306,7 @@ impl MeshOf {
     }
 }
 
-/// Takes the triangles `ids`, `block · 8 + lane`, of the lanes in `bits`; one that several lanes share is read once. (In
-/// registers: words written one by one are slow to read as a whole.)
+/// Takes the triangles `ids`, `block · 8 + lane`, of the lanes in `bits`, with the names of their meshes.
 #[inline(always)]
 pub(super) fn gather<S: Simd>(
     simd: S,
@@ -280,6 +315,20 @@ pub(super) fn gather<S: Simd>(
     bits: u16,
     mesh: &mut MeshOf,
 ) -> Gathered<S> {
+    let (corners, triangles) = gather_corners(simd, bvh.blocks(), ids, bits);
+    let (geometry, primitive) = mesh.locate_lanes(simd, bvh, triangles, bits);
+    Gathered { corners, geometry, primitive }
+}
+
+/// The corners and the running numbers of the triangles `ids` of the lanes in `bits`; one that several lanes share is read
+/// once. (In registers: words written one by one are slow to read as a whole.)
+#[inline(always)]
+fn gather_corners<S: Simd>(
+    simd: S,
+    blocks: impl BlockSource,
+    ids: &[u32; LANES],
+    bits: u16,
+) -> ([Triple<S>; 3], u32x16<S>) {
     let all = u32x16::load_array_ref(simd, ids);
     let mut corners = [[f32x16::splat(simd, 0.0); 3]; 3];
     let mut triangles = u32x16::splat(simd, 0);
@@ -289,7 +338,7 @@ pub(super) fn gather<S: Simd>(
         let sharing = all.simd_eq(u32x16::splat(simd, id));
         rest &= !(sharing.to_bitmask() as u16);
         let mut place = None;
-        let block = bvh.blocks().get(id as usize / WIDTH, &mut place);
+        let block = blocks.block(id as usize / WIDTH, &mut place);
         let lane = id as usize % WIDTH;
         for (corner, vertex) in corners.iter_mut().zip(&block.vertex) {
             for (lanes, axis) in corner.iter_mut().zip(vertex) {
@@ -298,8 +347,7 @@ pub(super) fn gather<S: Simd>(
         }
         triangles = sharing.select(u32x16::splat(simd, block.triangle[lane]), triangles);
     }
-    let (geometry, primitive) = mesh.locate_lanes(simd, bvh, triangles, bits);
-    Gathered { corners, geometry, primitive }
+    (corners, triangles)
 }
 
 #[inline(always)]
@@ -335,7 +383,7 @@ fn transpose<S: Simd>(words: [f32x16<S>; 8]) -> Words {
     Words([a.into(), b.into(), c.into(), d.into(), e.into(), f.into(), g.into(), h.into()])
 }
 
-/// The unit vector along `e1 × e2`.
+/// The direction of `e1 × e2`: its largest component lies between 1 and 2.
 #[inline(always)]
 fn normal<S: Simd, V>(simd: S, e1: [V; 3], e2: [V; 3]) -> [V; 3]
 where
@@ -345,14 +393,20 @@ where
     let x = product_difference(simd, e1[1], e2[2], e1[2], e2[1]);
     let y = product_difference(simd, e1[2], e2[0], e1[0], e2[2]);
     let z = product_difference(simd, e1[0], e2[1], e1[1], e2[0]);
-    // Scaled first, so that squares neither overflow nor vanish.
-    let one = V::splat(simd, 1.0);
-    let largest = x.abs().max(y.abs()).max(z.abs()).max(V::splat(simd, f32::MIN_POSITIVE));
-    let scale = one / largest;
-    let (x, y, z) = (x * scale, y * scale, z * scale);
+    let (least, most) = (V::splat(simd, f32::MIN_POSITIVE), V::splat(simd, 2.0_f32.powi(126)));
+    let largest = x.abs().max(y.abs()).max(z.abs()).max(least).min(most);
+    // A power of two, 2^(127 − e) for the exponent e, does not round.
+    let exponent = largest.to_bits() & V::Bits::splat(simd, 0xff << 23);
+    let scale = V::from_bits(V::Bits::splat(simd, 254 << 23) - exponent);
+    [x * scale, y * scale, z * scale]
+}
+
+/// The unit vector along what [`normal`] returns; 0 stays 0.
+#[inline(always)]
+fn unit<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, [x, y, z]: [V; 3]) -> [V; 3] {
     let length = (x * x + y * y + z * z).sqrt();
-    let usable = length.simd_gt(V::splat(simd, 0.0));
-    let inverse = one / usable.select(length, one);
+    let one = V::splat(simd, 1.0);
+    let inverse = one / length.simd_gt(V::splat(simd, 0.0)).select(length, one);
     [x * inverse, y * inverse, z * inverse]
 }
 

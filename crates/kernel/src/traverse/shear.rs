@@ -8,18 +8,22 @@
 //!
 //! The distance is a mean of the corners' with the edge functions as weights. Those of a sliver are mostly rounding, and a
 //! ray that leaves it would meet it again: where the distance is in doubt, the precise form decides.
-use fearless_simd::{f32x8, prelude::*};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 
 use super::{
     local::LocalRay,
-    settle::{self, CLOSE},
+    settle::{self, CLOSE, Lined, Triple, turn},
     slab,
 };
 use crate::layout::Block;
 
-/// The roundings in a distance, eight in products of the corners' largest sheared coordinates and their range of depths,
-/// over the share of it that is granted.
-pub(super) const SLIVER: f32 = 8.0 * f32::EPSILON / (0.5 * CLOSE);
+/// Roundings in a distance, in products of the corners' largest sheared coordinates and their range of depths.
+const ROUNDINGS: f32 = 8.0 * f32::EPSILON;
+/// The same over the share of the distance that is granted.
+const SLIVER: f32 = ROUNDINGS / (0.5 * CLOSE);
+/// What the roundings of both forms can be apart, generously: where that leaves no choice, neither is there a doubt. A ray
+/// nearly in the plane of a triangle that lies behind it is of that kind, and so are most that leave a surface.
+const UNSURE: f32 = 4.0 * ROUNDINGS;
 
 /// A ray set up for triangle tests.
 #[derive(Clone, Copy)]
@@ -88,10 +92,15 @@ impl<S: Simd> Shear<S> {
         let valid = inside & t.simd_gt(self.t_min) & t.simd_le(limit);
         let (x, y) = (ax.abs().max(bx.abs()).max(cx.abs()), ay.abs().max(by.abs()).max(cy.abs()));
         let range = az.max(bz).max(cz) - az.min(bz).min(cz);
-        let doubt = (x * y * range * SLIVER).simd_gt(depth.abs()) & inside & !determinant.simd_eq(zero);
-        let doubt = doubt.to_bitmask() as u32;
-        if doubt != 0 {
-            return self.settle(block, limit, t, valid.to_bitmask() as u32, doubt);
+        let weight = x * y * range;
+        let doubt = (weight * SLIVER).simd_gt(depth.abs()) & inside;
+        if doubt.to_bitmask() != 0 {
+            let error = (weight * self.shear[2] / determinant).abs() * UNSURE;
+            let doubt = doubt & (t + error).simd_gt(self.t_min) & (t - error).simd_le(limit);
+            let doubt = doubt.to_bitmask() as u32;
+            if doubt != 0 {
+                return self.settle(block, limit, t, valid.to_bitmask() as u32, doubt);
+            }
         }
         (t, valid.to_bitmask() as u32)
     }
@@ -121,5 +130,93 @@ impl<S: Simd> Shear<S> {
         let x = f32x8::load_array_ref(simd, &vertex[kx % 3]) - self.origin[0];
         let y = f32x8::load_array_ref(simd, &vertex[ky % 3]) - self.origin[1];
         (z.mul_add(self.shear[0], x), z.mul_add(self.shear[1], y), z)
+    }
+}
+
+/// Sixteen rays set up for triangle tests: [`Shear`] with the roles of rays and triangles exchanged, operation by
+/// operation, so that both give the same answers.
+#[derive(Clone, Copy)]
+pub(super) struct Shears<S: Simd> {
+    /// The lanes whose direction's largest component is x, and those with y.
+    pub turned: [mask32x16<S>; 2],
+    pub origin: Triple<S>,
+    pub shear: Triple<S>,
+}
+
+impl<S: Simd> Shears<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, origin: Triple<S>, direction: Triple<S>) -> Self {
+        let size = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+        let x_is_largest = size[0].simd_gt(size[1]) & size[0].simd_gt(size[2]);
+        let y_is_largest = !x_is_largest & size[1].simd_gt(size[2]);
+        let [x, y, z] = turn(direction, x_is_largest, y_is_largest);
+        Self {
+            turned: [x_is_largest, y_is_largest],
+            origin: turn(origin, x_is_largest, y_is_largest),
+            shear: [-x / z, -y / z, f32x16::splat(simd, 1.0) / z],
+        }
+    }
+
+    /// Distances to a triangle, the `wanted` lanes whose lines meet it, and those of them whose distance is in doubt: it may
+    /// lie beyond `t_min`, up to `limit`.
+    #[inline(always)]
+    pub(super) fn test(
+        &self,
+        simd: S,
+        corners: &[Triple<S>; 3],
+        wanted: mask32x16<S>,
+        [t_min, limit]: [f32x16<S>; 2],
+    ) -> Meeting<S> {
+        let (ax, ay, az) = self.corner(corners[0]);
+        let (bx, by, bz) = self.corner(corners[1]);
+        let (cx, cy, cz) = self.corner(corners[2]);
+        let zero = f32x16::splat(simd, 0.0);
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let inside = u.min(v).min(w).simd_ge(zero) | u.max(v).max(w).simd_le(zero);
+        let inside = inside & wanted;
+        if inside.to_bitmask() == 0 {
+            return Meeting { t: zero, inside, doubt: inside };
+        }
+        let determinant = u + v + w;
+        let depth = u.mul_add(az, v.mul_add(bz, w * cz));
+        let t = depth * self.shear[2] / determinant;
+        let (x, y) = (ax.abs().max(bx.abs()).max(cx.abs()), ay.abs().max(by.abs()).max(cy.abs()));
+        let range = az.max(bz).max(cz) - az.min(bz).min(cz);
+        let weight = x * y * range;
+        let mut doubt = (weight * SLIVER).simd_gt(depth.abs()) & inside;
+        if doubt.to_bitmask() != 0 {
+            let error = (weight * self.shear[2] / determinant).abs() * UNSURE;
+            doubt = doubt & (t + error).simd_gt(t_min) & (t - error).simd_le(limit);
+        }
+        Meeting { t, inside, doubt }
+    }
+
+    /// A corner as each ray sees it.
+    #[inline(always)]
+    fn corner(&self, corner: Triple<S>) -> (f32x16<S>, f32x16<S>, f32x16<S>) {
+        let [x, y, z] = turn(corner, self.turned[0], self.turned[1]);
+        let (x, y, z) = (x - self.origin[0], y - self.origin[1], z - self.origin[2]);
+        (z.mul_add(self.shear[0], x), z.mul_add(self.shear[1], y), z)
+    }
+}
+
+/// What [`Shears::test`] found.
+#[derive(Clone, Copy)]
+pub(super) struct Meeting<S: Simd> {
+    pub t: f32x16<S>,
+    pub inside: mask32x16<S>,
+    pub doubt: mask32x16<S>,
+}
+
+impl<S: Simd> Meeting<S> {
+    /// The distances, precise where they were in doubt.
+    #[inline(always)]
+    pub(super) fn settled(&self, simd: S, corners: &[Triple<S>; 3], rays: &Lined<f32x16<S>>) -> f32x16<S> {
+        if self.doubt.to_bitmask() == 0 {
+            return self.t;
+        }
+        self.doubt.select(settle::exact(simd, *corners, rays).distance, self.t)
     }
 }

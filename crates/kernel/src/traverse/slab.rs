@@ -87,6 +87,15 @@ fn plane<S: Simd>(simd: S, planes: &[f32; 8], inverse: f32x8<S>, shift: f32x8<S>
 }
 
 #[inline(always)]
+pub(super) fn rows<S: Simd>(simd: S, rows: [&[f32; 8]; 3]) -> [f32x8<S>; 3] {
+    [
+        f32x8::load_array_ref(simd, rows[0]),
+        f32x8::load_array_ref(simd, rows[1]),
+        f32x8::load_array_ref(simd, rows[2]),
+    ]
+}
+
+#[inline(always)]
 pub(super) fn splat<S: Simd>(simd: S, v: [f32; 3]) -> [f32x8<S>; 3] {
     [f32x8::splat(simd, v[0]), f32x8::splat(simd, v[1]), f32x8::splat(simd, v[2])]
 }

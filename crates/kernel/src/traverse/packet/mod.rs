@@ -4,17 +4,19 @@
 //! Lanes stay together while it pays: where only a few want a subtree, each goes on alone, 8 boxes at a time [Benthin,
 //! Wald, Woop, Ernst and Mark 2012, "Combining single and packet-ray tracing for arbitrary ray distributions"]. So
 //! unrelated rays lose nothing: they share the top of the tree and part below it.
+mod beam;
 mod leaf;
 
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
 use glam::Affine3A;
 
+use self::beam::Beam;
 use super::{
     ahead::Leaves,
     local::{LocalRay, REACH},
-    settle::{self, LANES, Lanes, Lined, MeshOf, Words, load, turn},
-    shear::Shear,
+    settle::{self, LANES, Lanes, Lined, MeshOf, Triple, Words, load},
+    shear::{Shear, Shears},
     single::{self, Best},
     slab::{self, Slab},
     stack::Stack,
@@ -22,16 +24,20 @@ use super::{
 use crate::{
     build::wide::WideTree,
     layout::{Child, Node, WIDTH},
+    ray::Ray,
     through::Screen,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
-/// Up to so many lanes go on alone: a step of a packet costs about as much as that many single ones.
-const FEW: u32 = 6;
-/// From so many lanes on, triangles go one by one through all lanes rather than rays one by one through 8 triangles.
-const MANY: u32 = 7;
-/// The same if the lanes' largest axes differ.
-const MANY_UNLIKE: u32 = 10;
+/// How many lanes stay together.
+#[derive(Clone, Copy)]
+struct Company {
+    /// Up to so many go on alone: a step of a packet costs about as much as that many single ones, and less where they
+    /// will stay together.
+    few: u32,
+    /// From so many on, triangles go one by one through all lanes rather than rays one by one through 8 triangles.
+    many: u32,
+}
 
 /// Up to 16 rays, set up for box and triangle tests.
 #[repr(C, align(64))]
@@ -49,6 +55,8 @@ pub(super) struct Packet {
     inverse: [Lanes; 3],
     near_shift: [Lanes; 3],
     far_shift: [Lanes; 3],
+    /// By how much planes are moved, amply.
+    pad: Lanes,
     /// Bits of the lanes whose direction is negative along each axis.
     negative: [u16; 3],
     /// Triangle test: the largest component's axis, the origin with that axis last, and the shear.
@@ -59,7 +67,6 @@ pub(super) struct Packet {
     turned: [u16; 2],
     /// Bits of the lanes that met what lets light through, in queries of any hit.
     pub met: u16,
-    len: usize,
 }
 
 /// A subtree to visit, and where each lane enters its box; NaN for lanes that do not.
@@ -89,36 +96,40 @@ impl Packet {
         inverse: [[1.0; LANES]; 3],
         near_shift: [[0.0; LANES]; 3],
         far_shift: [[0.0; LANES]; 3],
+        pad: [0.0; LANES],
         negative: [0; 3],
         axis: [0; LANES],
         sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
         turned: [0; 2],
         met: 0,
-        len: 0,
     };
 
-    pub(super) fn clear(&mut self) {
-        self.len = 0;
-        self.limit = [-1.0; LANES];
-        self.met = 0;
-    }
-
-    /// Bits of the lanes that hold rays.
+    /// Takes up some rays, 16 at most; returns the lanes of those that can hit something, as [`LocalRay::new`] has it.
     #[inline(always)]
-    pub(super) fn lanes(&self) -> u16 {
-        ((1_u32 << self.len) - 1) as u16
-    }
-
-    /// Adds a ray; the caller keeps to 16 rays.
-    #[inline(always)]
-    pub(super) fn push(&mut self, ray: &LocalRay) {
-        let lane = self.len & (LANES - 1);
-        for (axis, (o, d)) in ray.origin.to_array().into_iter().zip(ray.direction.to_array()).enumerate() {
-            (self.origin[axis][lane], self.direction[axis][lane]) = (o, d);
+    pub(super) fn load<S: Simd>(&mut self, simd: S, rays: &[Ray], indices: &[u8]) -> u16 {
+        let mut t_max = [-1.0; LANES];
+        for (lane, &index) in indices.iter().enumerate() {
+            let (ray, lane) = (&rays[usize::from(index)], lane & (LANES - 1));
+            let [ox, oy, oz] = ray.origin.to_array();
+            let [dx, dy, dz] = ray.direction.to_array();
+            (self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]) = (ox, oy, oz);
+            (self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]) = (dx, dy, dz);
+            (self.t_min[lane], t_max[lane]) = (ray.t_min, ray.t_max);
         }
-        (self.t_min[lane], self.end[lane], self.limit[lane]) = (ray.t_min, ray.end, ray.end);
-        self.len = lane + 1;
+        let t_min = f32x16::load_array_ref(simd, &self.t_min);
+        let start = t_min.max(f32x16::splat(simd, 0.0));
+        let t_max = f32x16::load_array(simd, t_max);
+        // Every comparison is false for NaN.
+        let mut usable = t_min.simd_eq(t_min) & start.simd_lt(t_max);
+        usable &= in_range(simd, load(simd, &self.origin), load(simd, &self.direction));
+        let end = f32x16::from_bits(t_max.to_bits() - 1);
+        let none = f32x16::splat(simd, -1.0);
+        self.t_min = start.into();
+        self.end = end.into();
+        self.limit = usable.select(end, none).into();
+        self.met = 0;
+        usable.to_bitmask() as u16
     }
 
     /// The ray in a lane, of a world in which nothing moves.
@@ -140,28 +151,20 @@ impl Packet {
         let (x, y, z) = (map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis);
         let [ox, oy, oz] = load(simd, &from.origin);
         let [dx, dy, dz] = load(simd, &from.direction);
-        let mut largest = f32x16::splat(simd, 0.0);
-        let mut usable = mask32x16::from_bitmask(simd, u64::from(bits));
-        let limit = f32x16::splat(simd, MAX_COORDINATE);
-        let longest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.end());
         for axis in 0..3 {
             let origin = ((ox * x[axis] + oy * y[axis]) + oz * z[axis]) + map.translation[axis];
             let direction = (dx * x[axis] + dy * y[axis]) + dz * z[axis];
-            // Comparisons are false for NaN; a maximum alone might drop one.
-            usable = usable & origin.abs().simd_le(limit) & direction.abs().simd_le(longest);
-            largest = largest.max(direction.abs());
             self.origin[axis] = origin.into();
             self.direction[axis] = direction.into();
         }
         (self.t_min, self.end, self.limit) = (from.t_min, from.end, from.limit);
         self.met = 0;
-        let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
-        (usable & largest.simd_ge(shortest)).to_bitmask() as u16
+        in_range(simd, load(simd, &self.origin), load(simd, &self.direction)).to_bitmask() as u16 & bits
     }
 
     /// Finds the closest hit of each ray in `bits` in a subtree, or with `ANY` some hit that stops it; the answers are in
-    /// `id` and `limit`. Returns the lanes that have one.
-    #[inline(always)]
+    /// `id` and `limit`. Returns the lanes that have one. A call: it is long, and compiled once for all who come here.
+    #[inline(never)]
     pub(super) fn trace<S: Simd, const ANY: bool>(
         &mut self,
         simd: S,
@@ -173,10 +176,13 @@ impl Packet {
         if ANY && !screen.panes.is_empty() {
             return self.trace_past(simd, screen, bits, visits, stack);
         }
-        self.trace_all::<S, ANY, false>(simd, screen, bits, visits, stack)
+        simd.vectorize(
+            #[inline(always)]
+            || self.trace_all::<S, ANY, false>(simd, screen, bits, visits, stack),
+        )
     }
 
-    /// For any hit past what lets light through. A call, so that the code around it stays as where there is nothing of it.
+    /// For any hit past what lets light through. A call, so that the code above stays as where there is nothing of it.
     #[inline(never)]
     fn trace_past<S: Simd>(
         &mut self,
@@ -229,7 +235,8 @@ impl Packet {
         stack: &mut Stack,
     ) {
         let nodes = screen.bvh.tree.view();
-        let many = self.many(bits);
+        let beam = self.beam(simd, octant, bits);
+        let Company { few, many } = self.company(&beam, bits);
         let mark = visits.len();
         visits.push(self.visit(simd, screen.start, bits));
         while visits.len() > mark {
@@ -242,17 +249,17 @@ impl Packet {
             if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
-                    self.together::<S, ANY, PAST>(simd, screen, block, bits);
+                    self.together::<S, ANY, PAST>(simd, screen, (octant, &beam), block, bits);
                 }
                 continue;
             }
-            if bits.count_ones() <= FEW || visit.child.is_leaf() {
+            if bits.count_ones() <= few || visit.child.is_leaf() {
                 self.alone::<S, ANY, PAST>(simd, screen, visit.child, bits, octant.near, stack);
                 continue;
             }
             let mut place = None;
             let node = nodes.get(simd, visit.child.0 as usize, &mut place);
-            self.open(simd, node, &screen.bvh.blocks(), octant, wanting, visits);
+            self.open(simd, node, &screen.bvh.blocks(), (octant, &beam), wanting, visits);
         }
     }
 
@@ -307,16 +314,17 @@ impl Packet {
         simd: S,
         node: &Node,
         leaves: &(impl Leaves + ?Sized),
-        octant: Octant,
+        (octant, beam): (Octant, &Beam),
         wanting: mask32x16<S>,
         visits: &mut Vec<Visit>,
     ) {
         let reach = self.reach(simd);
         let order = node.order[octant.number & 7];
+        let met_by_beam = beam.meet(simd, node, octant.near, reach.reduce_max());
         for rank in (0..WIDTH).rev() {
             let lane = (order >> (3 * rank) & 7) as usize;
             let child = node.child[lane];
-            if child == Child::NONE {
+            if met_by_beam >> lane & 1 == 0 || child == Child::NONE {
                 continue;
             }
             let (enter, met) = self.meet(simd, node, lane, octant.near, reach);
@@ -358,13 +366,7 @@ impl Packet {
     #[inline(always)]
     pub(super) fn hits<S: Simd>(&self, simd: S, bvh: &TriangleBvh, found: u16, mesh: &mut MeshOf) -> Words {
         let gathered = settle::gather(simd, bvh, &self.id, found, mesh);
-        let rays = Lined {
-            origin: load(simd, &self.origin),
-            direction: load(simd, &self.direction),
-            t_min: f32x16::load_array_ref(simd, &self.t_min),
-            end: f32x16::load_array_ref(simd, &self.end),
-        };
-        Words::new(&settle::exact(simd, gathered.corners, &rays), &gathered)
+        Words::new(&settle::exact(simd, gathered.corners, &self.lined(simd)), &gathered)
     }
 
     /// The lanes in `bits` one by one through a subtree.
@@ -420,12 +422,17 @@ impl Packet {
         Shear::splat(simd, self.axis[lane] as usize, origin, shear, self.ray(lane))
     }
 
-    /// From how many lanes on a leaf is shared.
+    /// How many of the lanes in `used` stay together.
     #[inline(always)]
-    fn many(&self, used: u16) -> u32 {
+    fn company(&self, beam: &Beam, used: u16) -> Company {
+        // Of lanes whose largest axes differ, triangles take longer.
         let alike = self.turned.iter().any(|turned| used & !turned == 0)
             || used & (self.turned[0] | self.turned[1]) == 0;
-        if alike { MANY } else { MANY_UNLIKE }
+        match (beam.is_narrow(), alike) {
+            (true, _) => Company { few: 1, many: 2 },
+            (false, true) => Company { few: 5, many: 6 },
+            (false, false) => Company { few: 5, many: 8 },
+        }
     }
 
     /// What [`Slab::new`] does, for all lanes.
@@ -437,6 +444,7 @@ impl Packet {
         let a = [d[0].abs(), d[1].abs(), d[2].abs()];
         let reach = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let reach = (reach * (1.0 + tree.excess)).max(f32x16::splat(simd, tree.reach(0.0)));
+        self.pad = (reach * (4.0 * slab::PLANE_SLACK)).into();
         let smallest = a[0].max(a[1]).max(a[2]) * slab::SMALLEST_COMPONENT;
         for axis in 0..3 {
             let inverse = one / a[axis].max(smallest).copysign(d[axis]);
@@ -451,23 +459,52 @@ impl Packet {
     /// What [`Shear::new`] does, for all lanes.
     #[inline(always)]
     fn prepare_triangles<S: Simd>(&mut self, simd: S) {
-        let o = load(simd, &self.origin);
-        let d = load(simd, &self.direction);
-        let one = f32x16::splat(simd, 1.0);
-        let a = [d[0].abs(), d[1].abs(), d[2].abs()];
-        let x_is_largest = a[0].simd_gt(a[1]) & a[0].simd_gt(a[2]);
-        let y_is_largest = !x_is_largest & a[1].simd_gt(a[2]);
-        let turned = turn(d, x_is_largest, y_is_largest);
-        let [x, y, z] = turn(o, x_is_largest, y_is_largest);
-        self.sheared_origin = [x.into(), y.into(), z.into()];
-        let zero = u32x16::splat(simd, 0);
+        let shears = Shears::new(simd, load(simd, &self.origin), load(simd, &self.direction));
+        self.sheared_origin = shears.origin.map(Into::into);
+        self.shear = shears.shear.map(Into::into);
+        let [x_is_largest, y_is_largest] = shears.turned;
         let axis = y_is_largest.select(u32x16::splat(simd, 1), u32x16::splat(simd, 2));
-        let axis = x_is_largest.select(zero, axis);
+        let axis = x_is_largest.select(u32x16::splat(simd, 0), axis);
         self.axis = axis.into();
         self.turned = [x_is_largest.to_bitmask() as u16, y_is_largest.to_bitmask() as u16];
-        self.shear =
-            [(-turned[0] / turned[2]).into(), (-turned[1] / turned[2]).into(), (one / turned[2]).into()];
     }
+
+    #[inline(always)]
+    fn shears<S: Simd>(&self, simd: S) -> Shears<S> {
+        let [x_is_largest, y_is_largest] = self.turned;
+        Shears {
+            turned: [
+                mask32x16::from_bitmask(simd, u64::from(x_is_largest)),
+                mask32x16::from_bitmask(simd, u64::from(y_is_largest)),
+            ],
+            origin: load(simd, &self.sheared_origin),
+            shear: load(simd, &self.shear),
+        }
+    }
+
+    #[inline(always)]
+    fn lined<S: Simd>(&self, simd: S) -> Lined<f32x16<S>> {
+        Lined {
+            origin: load(simd, &self.origin),
+            direction: load(simd, &self.direction),
+            t_min: f32x16::load_array_ref(simd, &self.t_min),
+            end: f32x16::load_array_ref(simd, &self.end),
+        }
+    }
+}
+
+/// What [`LocalRay::in_range`] says, for all lanes.
+#[inline(always)]
+fn in_range<S: Simd>(simd: S, origin: Triple<S>, direction: Triple<S>) -> mask32x16<S> {
+    let limit = f32x16::splat(simd, MAX_COORDINATE);
+    let longest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.end());
+    let shortest = f32x16::splat(simd, *LocalRay::DIRECTION_RANGE.start());
+    let ([ox, oy, oz], [dx, dy, dz]) = (origin, direction);
+    let (dx, dy, dz) = (dx.abs(), dy.abs(), dz.abs());
+    // Comparisons are false for NaN; a maximum alone might drop one.
+    let placed = ox.abs().simd_le(limit) & oy.abs().simd_le(limit) & oz.abs().simd_le(limit);
+    let finite = dx.simd_le(longest) & dy.simd_le(longest) & dz.simd_le(longest);
+    placed & finite & dx.max(dy).max(dz).simd_ge(shortest)
 }
 
 #[inline(always)]

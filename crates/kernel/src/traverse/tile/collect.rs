@@ -1,5 +1,5 @@
 //! From the triangles that a tile settled on to hits.
-use fearless_simd::{f32x16, prelude::*, u32x16};
+use fearless_simd::{prelude::*, u32x16};
 
 use super::{
     Answers,
@@ -8,7 +8,7 @@ use super::{
 use crate::{
     ray::PathId,
     tile::Tile,
-    traverse::settle::{self, Exact, Gathered, Lanes, Lined, MeshOf, Words},
+    traverse::settle::{self, Lanes, MeshOf, Words},
     triangle_bvh::TriangleBvh,
 };
 
@@ -38,7 +38,7 @@ pub(super) fn hits<S: Simd>(
             continue;
         }
         let gathered = settle::gather(simd, bvh, &work.id[g], bits, &mut mesh);
-        let exact = intersect(simd, &gathered, rays, g);
+        let exact = settle::exact(simd, gathered.corners, &rays.lined(simd, g));
         let words = Words::new(&exact, &gathered);
         let mut t: Lanes = exact.t.into();
         let mut rest = bits;
@@ -102,26 +102,4 @@ pub(super) fn met(rays: Rays<'_>, work: &mut Work, answers: &mut Answers<'_>) {
 fn found<S: Simd>(simd: S, work: &Work, g: usize) -> u16 {
     let id = u32x16::load_array_ref(simd, &work.id[g]);
     id.simd_lt(u32x16::splat(simd, Work::NONE)).to_bitmask() as u16
-}
-
-/// The hits of group `g` in their triangles.
-#[inline(always)]
-fn intersect<S: Simd>(simd: S, gathered: &Gathered<S>, rays: Rays<'_>, g: usize) -> Exact<f32x16<S>> {
-    let [ox, oy, oz] = rays.origin.to_array();
-    let rays = Lined {
-        origin: [f32x16::splat(simd, ox), f32x16::splat(simd, oy), f32x16::splat(simd, oz)],
-        direction: [
-            lanes(simd, &rays.tile.direction[0], g),
-            lanes(simd, &rays.tile.direction[1], g),
-            lanes(simd, &rays.tile.direction[2], g),
-        ],
-        t_min: lanes(simd, &rays.tile.t_min, g),
-        end: f32x16::from_bits(lanes(simd, &rays.tile.t_max, g).to_bits() - 1),
-    };
-    settle::exact(simd, gathered.corners, &rays)
-}
-
-#[inline(always)]
-fn lanes<S: Simd>(simd: S, values: &[f32; Tile::CAPACITY], g: usize) -> f32x16<S> {
-    f32x16::load_array_ref(simd, &values.as_chunks::<GROUP>().0[g])
 }

@@ -12,15 +12,15 @@ use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
 
 use super::{
     walk::{BoxRange, Frame, meet},
-    work::{GROUP, Rays, Work},
+    work::{GROUP, Rays, Work, mask16},
 };
 use crate::{
     layout::{Block, WIDTH},
     through::Screen,
     traverse::{
-        local::{LocalRay, REACH},
-        settle::{self, CLOSE},
-        shear::Shear,
+        local::REACH,
+        settle::{self, CLOSE, Lined},
+        shear::Shears,
     },
 };
 
@@ -159,7 +159,8 @@ pub(super) struct Leaf<'a> {
 }
 
 impl<'a> Leaf<'a> {
-    /// Narrows the groups in `mask` down to rays: a scattered group meets boxes that none of its rays does.
+    /// Narrows the groups in `mask` down to rays, unless they are smaller than the box: a scattered group meets boxes that
+    /// none of its rays does.
     #[inline(always)]
     pub(super) fn new<S: Simd>(
         simd: S,
@@ -170,7 +171,12 @@ impl<'a> Leaf<'a> {
         mask: u16,
         work: &Work,
     ) -> Self {
-        let (mask, rays) = rays_in_box(simd, work, mask, range, frame.slack);
+        let size = (range.u[1] - range.u[0]).min(range.v[1] - range.v[0]);
+        let (mask, rays) = if work.extent * range.near <= size {
+            (mask, [u16::MAX; GROUP])
+        } else {
+            rays_in_box(simd, work, mask, range, frame.slack)
+        };
         Self { frame, tile, screen, mask, rays }
     }
 }
@@ -244,12 +250,9 @@ fn note<S: Simd>(simd: S, leaf: &Leaf<'_>, work: &mut Work, setup: &Setup, block
             groups &= groups - 1;
             let (met, doubt) = meeting(simd, work, setup, g, lane);
             work.met[g] |= met;
-            let mut doubt = doubt & !work.met[g];
-            while doubt != 0 {
-                let ray = leaf.tile.ray(g * GROUP + (doubt.trailing_zeros() & 15) as usize);
-                let meets = is_met(simd, leaf, &ray, block, lane);
-                work.met[g] |= u16::from(meets) << (doubt.trailing_zeros() & 15);
-                doubt &= doubt - 1;
+            let doubt = doubt & !work.met[g];
+            if doubt != 0 {
+                work.met[g] |= settle_meeting(simd, leaf, g, doubt, block, lane);
             }
         }
     }
@@ -299,13 +302,32 @@ fn met<S: Simd>(
     inside & z.simd_gt(iz * (1.0 + CLOSE)) & z.simd_lt(start * (1.0 - CLOSE))
 }
 
-/// Whether a ray meets triangle `lane` of a block, by the test of single rays.
+/// Those rays in `doubt` of group `g` that meet triangle `lane` of a block, by the test of single rays, and where.
 #[inline(always)]
-fn is_met<S: Simd>(simd: S, leaf: &Leaf<'_>, ray: &LocalRay, block: usize, lane: usize) -> bool {
-    let mut place = None;
-    let triangles = leaf.screen.bvh.blocks().get(block, &mut place);
-    let (_, bits) = Shear::new(simd, ray).test(triangles, f32x8::splat(simd, ray.end));
-    bits >> lane & 1 != 0
+fn test_again<S: Simd>(
+    simd: S,
+    rays: &Lined<f32x16<S>>,
+    corners: &[[f32x16<S>; 3]; 3],
+    doubt: u16,
+) -> (f32x16<S>, mask32x16<S>) {
+    let shears = Shears::new(simd, rays.origin, rays.direction);
+    let meeting = shears.test(simd, corners, mask16(simd, doubt), [rays.t_min, rays.end]);
+    let t = meeting.settled(simd, corners, rays);
+    (t, meeting.inside & t.simd_gt(rays.t_min) & t.simd_le(rays.end))
+}
+
+/// Those rays in `doubt` of group `g` that meet triangle `lane` of a block.
+#[cold]
+#[inline(never)]
+fn settle_meeting<S: Simd>(simd: S, leaf: &Leaf<'_>, g: usize, doubt: u16, block: usize, lane: usize) -> u16 {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let corners = settle::corners(simd, leaf.screen.bvh.blocks(), (block * WIDTH + lane) as u32);
+            let (_, met) = test_again(simd, &leaf.tile.lined(simd, g), &corners, doubt);
+            met.to_bitmask() as u16
+        },
+    )
 }
 
 /// Decides whether triangle `lane` of a block is to be kept for the rays in `doubt` of group `g`; whether it was for some.
@@ -325,24 +347,22 @@ fn settle_doubt<S: Simd, const ANY: bool>(
         || {
             let blocks = leaf.screen.bvh.blocks();
             let id = (block * WIDTH + lane) as u32;
-            let mut changed = false;
-            let mut rest = doubt;
-            while rest != 0 {
-                let r = (rest.trailing_zeros() & 15) as usize;
-                rest &= rest - 1;
-                let (ray, best) = (leaf.tile.ray(g * GROUP + r), work.id[g][r]);
-                let nearest = best == Work::NONE || settle::precedes(simd, blocks, &ray, id, best);
-                if nearest && is_met(simd, leaf, &ray, block, lane) {
-                    changed = true;
-                    work.id[g][r] = id;
-                    work.iz[g][r] = if ANY {
-                        f32::INFINITY
-                    } else {
-                        1.0 / (settle::precise(simd, blocks, &ray, id) * work.scale[g][r])
-                    };
-                }
+            let rays = leaf.tile.lined(simd, g);
+            let (t, met) = test_again(simd, &rays, &settle::corners(simd, blocks, id), doubt);
+            let ids = u32x16::load_array_ref(simd, &work.id[g]);
+            let iz = f32x16::load_array_ref(simd, &work.iz[g]);
+            let z = f32x16::splat(simd, 1.0) / (t * f32x16::load_array_ref(simd, &work.scale[g]));
+            let fresh = ids.simd_eq(u32x16::splat(simd, Work::NONE)) | z.simd_gt(iz * (1.0 + CLOSE));
+            let tied = (met & !fresh & z.simd_ge(iz * (1.0 - CLOSE))).to_bitmask() as u16;
+            let mut nearest = met & fresh;
+            if tied != 0 {
+                let first = settle::precede(simd, blocks, &rays, id, &work.id[g], tied);
+                nearest |= mask16(simd, first);
             }
-            changed
+            let z = if ANY { f32x16::splat(simd, f32::INFINITY) } else { z };
+            work.iz[g] = nearest.select(z, iz).into();
+            work.id[g] = nearest.select(u32x16::splat(simd, id), ids).into();
+            nearest.to_bitmask() != 0
         },
     )
 }

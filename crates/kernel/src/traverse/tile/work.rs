@@ -7,13 +7,20 @@ use glam::{Affine3A, Vec3, Vec3A};
 
 use crate::{
     tile::Tile,
-    traverse::local::{LocalRay, REACH, before},
+    traverse::{
+        local::{LocalRay, REACH, before},
+        settle::Lined,
+    },
 };
 
 /// Rays per group, and groups per tile.
 pub(super) const GROUP: usize = 16;
 /// A ray belongs to a face if its k component is at least this fraction of the others, so |u|, |v| ≤ 4.
 const FACE_FRACTION: f32 = 0.25;
+
+/// The rectangles of groups that lie side by side are together at most this share of the tile's: those of a picture, sixteen
+/// squares of four by four pixels, which are rectangles of three by three.
+const COMPACT: f32 = 0.8;
 
 /// One value per ray of a tile, by group and lane.
 pub(super) type PerRay<T> = [[T; GROUP]; GROUP];
@@ -143,6 +150,23 @@ impl Rays<'_> {
         (mapped, directions_usable(simd, mapped))
     }
 
+    /// The rays of group `g`.
+    #[inline(always)]
+    pub(super) fn lined<S: Simd>(&self, simd: S, g: usize) -> Lined<f32x16<S>> {
+        let [x, y, z] = self.origin.to_array();
+        let tile = self.tile;
+        Lined {
+            origin: [f32x16::splat(simd, x), f32x16::splat(simd, y), f32x16::splat(simd, z)],
+            direction: [
+                lanes(simd, &tile.direction[0], g),
+                lanes(simd, &tile.direction[1], g),
+                lanes(simd, &tile.direction[2], g),
+            ],
+            t_min: lanes(simd, &tile.t_min, g),
+            end: f32x16::from_bits(lanes(simd, &tile.t_max, g).to_bits() - 1),
+        }
+    }
+
     /// Ray `i` on its own.
     #[inline(always)]
     pub(super) fn ray(&self, i: usize) -> LocalRay {
@@ -206,6 +230,8 @@ pub(super) struct Work {
     pub rect: [f32; 4],
     pub far: f32,
     pub groups: usize,
+    /// Width or height of the largest group's rectangle where groups lie side by side, as those of a picture do; else ∞.
+    pub extent: f32,
     /// For each group, bits of the rays that met what lets light through, in queries of any hit.
     pub met: [u16; GROUP],
     /// The face that all rays are on.
@@ -230,6 +256,7 @@ impl Work {
         rect: [0.0; 4],
         far: -1.0,
         groups: 0,
+        extent: f32::INFINITY,
         met: [0; GROUP],
     };
 
@@ -240,7 +267,7 @@ impl Work {
         let t_min = rays.tile.t_min.as_chunks::<GROUP>().0;
         let limit = rays.limit.as_chunks::<GROUP>().0;
         let one = f32x16::splat(simd, 1.0);
-        let infinity = f32x16::splat(simd, f32::INFINITY);
+        let (zero, infinity) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, f32::INFINITY));
         self.face = face;
         self.groups = rays.len.div_ceil(GROUP);
         for g in 0..GROUP {
@@ -259,7 +286,6 @@ impl Work {
             self.v0[g] = v.reduce_min();
             self.u1[g] = used.select(u, -infinity).reduce_max();
             self.v1[g] = used.select(v, -infinity).reduce_max();
-            let zero = f32x16::splat(simd, 0.0);
             self.u[g] = used.select(u, zero).into();
             self.v[g] = used.select(v, zero).into();
             let end = one / (f32x16::load_array_ref(simd, &limit[g]) * scale);
@@ -276,6 +302,13 @@ impl Work {
             f32x16::load_array_ref(simd, &self.v0).reduce_min(),
             f32x16::load_array_ref(simd, &self.v1).reduce_max(),
         ];
+        let width = f32x16::load_array_ref(simd, &self.u1) - f32x16::load_array_ref(simd, &self.u0);
+        let height = f32x16::load_array_ref(simd, &self.v1) - f32x16::load_array_ref(simd, &self.v0);
+        // Groups without rays have no finite rectangle.
+        let areas = width.simd_ge(zero).select(width * height, zero).reduce_sum();
+        let [u0, u1, v0, v1] = self.rect;
+        let compact = areas <= COMPACT * (u1 - u0) * (v1 - v0);
+        self.extent = if compact { width.max(height).reduce_max() } else { f32::INFINITY };
         self.update_far(simd);
     }
 
@@ -376,6 +409,12 @@ fn directions_usable<S: Simd>(simd: S, direction: [f32x16<S>; 3]) -> mask32x16<S
     // Every comparison is false for NaN.
     let finite = x.simd_le(most) & y.simd_le(most) & z.simd_le(most);
     finite & x.max(y).max(z).simd_ge(f32x16::splat(simd, least))
+}
+
+/// The values of group `g`.
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, values: &[f32; Tile::CAPACITY], g: usize) -> f32x16<S> {
+    f32x16::load_array_ref(simd, &values.as_chunks::<GROUP>().0[g])
 }
 
 /// The first `count` of 16 lanes.
