@@ -186,3 +186,56 @@ fn trees_of_instances() {
         assert_same(&worlds, &tiles, &format!("round {round}"));
     }
 }
+
+/// Rays from about one place to seams of about one part of the mesh: what a packet keeps together, as behind a mirror, or
+/// not at all.
+fn neighbours(rng: &mut Rng, mesh: &Mesh, place: &Affine3A, i: usize) -> Vec<Ray> {
+    let from = rng.vec().normalize() * [0.3, 1.5, 20.0][i % 3];
+    let (spread, triangles) = [(1.0e-4, 1), (0.02, 6), (0.3, 40)][i / 3 % 3];
+    let first = rng.below(mesh.indices.len());
+    let ray = |j: usize| {
+        let triangle = mesh.indices[(first + rng.below(triangles)) % mesh.indices.len()];
+        let [a, b] = [j % 3, (j + 1) % 3].map(|k| mesh.positions[triangle[k] as usize]);
+        let target = place.transform_point3(a.lerp(b, if j.is_multiple_of(5) { 0.0 } else { rng.unit() }));
+        let origin = from + rng.vec() * spread;
+        match j % 4 {
+            0 => Ray::segment(origin, target),
+            1 => Ray::segment(target, origin),
+            _ => Ray::new(origin, target - origin),
+        }
+    };
+    (0..8 + i % 50).map(ray).collect()
+}
+
+#[test]
+fn batches_of_neighbours() {
+    let alone = [Affine3A::IDENTITY];
+    for round in 0..hunt(2) {
+        let mut rng = Rng::new(401 + round);
+        let (thick, thin) = (tube(9, 60, 0.2, waves), tube(6, 80, 0.01, |_, _| Vec3::ZERO));
+        let many = places(&mut rng, 60);
+        let heaped = Arc::new(heap(&object(std::slice::from_ref(&thin)), &many));
+        let cases = [(object(std::slice::from_ref(&thick)), &thick, &alone[..]), (heaped, &thin, &many[..])];
+        for (root, mesh, places) in cases {
+            for i in 0..180 {
+                let rays = neighbours(&mut rng, mesh, &places[i % places.len()], i);
+                for isa in Isa::available() {
+                    let world = World::with_isa(root.clone(), isa).expect("available");
+                    let (mut hits, mut dark) = ([Hit::MISS; 64], [false; 64]);
+                    world.intersect(&rays, &mut hits[..rays.len()]);
+                    world.occluded(&rays, &mut dark[..rays.len()]);
+                    for (j, ray) in rays.iter().enumerate() {
+                        let (mut hit, mut occluded) = ([Hit::MISS], [false]);
+                        world.intersect(std::slice::from_ref(ray), &mut hit);
+                        world.occluded(std::slice::from_ref(ray), &mut occluded);
+                        assert_eq!(
+                            (hits[j], dark[j]),
+                            (hit[0], occluded[0]),
+                            "{isa} {round} {i} {j}: {ray:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
