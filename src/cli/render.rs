@@ -97,6 +97,9 @@ pub(super) struct Arguments {
     /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
     #[arg(long, value_name = "X", default_value_t = 2.0)]
     clamp: f32,
+    /// Leave out the samples that pixels at edges take more, for `igi`: jagged edges, a little faster
+    #[arg(long)]
+    no_edges: bool,
     /// Leave out the short rays of `igi` that give back what `--clamp` takes away: darker corners, a little faster
     #[arg(long)]
     no_compensation: bool,
@@ -444,6 +447,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> Result<Fr
             paths: arguments.paths,
             interleave: [arguments.interleave.width, arguments.interleave.height],
             filter: !arguments.no_filter,
+            edges: !arguments.no_edges,
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
             importance: !arguments.no_importance,

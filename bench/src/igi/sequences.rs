@@ -38,7 +38,7 @@ pub(super) fn table(bench: &mut Bench<'_>, scene: &str) -> Result<String, String
         ("`path-filtered`, going on", "path-filtered", true),
     ] {
         let igi = IgiOptions { accumulate, ..IgiOptions::default() };
-        let contender = Contender { name: String::new(), renderer, samples: 1, igi };
+        let contender = Contender::new("", renderer, 1, igi);
         let (mut times, mut cells) = (Vec::new(), String::new());
         for (reference, step) in references.iter().zip([0.0, step]) {
             // One that remembers nothing.

@@ -134,6 +134,7 @@ fn igi_settings(options: &IgiOptions, by_paths: bool) -> IgiSettings {
         paths: options.paths,
         interleave: options.interleave,
         filter: options.filter,
+        edges: options.edges,
         clamp: options.clamp,
         compensate: options.compensate,
         importance: options.importance,

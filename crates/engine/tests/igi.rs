@@ -227,7 +227,7 @@ fn edges_are_smooth_and_light_on_either_side_is_its_own() {
     let request = request(1, IgiOptions::default());
     let reference = reference(&mut engine, &request, 256);
     let smooth = render(&mut engine, &request);
-    let alone = IgiOptions { filter: false, ..request.igi };
+    let alone = IgiOptions { edges: false, ..request.igi };
     let steps = render(&mut engine, &FrameRequest { igi: alone, ..request });
     let error = |frame: &Frame| -> f32 {
         frame.color.iter().zip(&reference.color).map(|(a, b)| (a.x - b.x).powi(2)).sum()

@@ -47,6 +47,8 @@ pub struct IgiOptions {
     pub interleave: [u32; 2],
     /// Whether neighbouring pixels share their light (the discontinuity buffer).
     pub filter: bool,
+    /// Whether pixels at edges take more samples, where `filter` is on.
+    pub edges: bool,
     /// A virtual point light adds at most this many times the typical irradiance of its set; infinity bounds nothing.
     pub clamp: f32,
     /// Whether short rays give back the light that `clamp` takes away.
@@ -70,6 +72,7 @@ impl Default for IgiOptions {
             paths: 8,
             interleave: [3, 3],
             filter: true,
+            edges: true,
             clamp: 2.0,
             compensate: true,
             importance: true,

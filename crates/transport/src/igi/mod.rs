@@ -56,6 +56,8 @@ pub struct IgiSettings {
     pub interleave: [u32; 2],
     /// Whether neighbouring pixels share their light.
     pub filter: bool,
+    /// Whether pixels at edges take more samples where they do.
+    pub edges: bool,
     /// A virtual point light adds at most this many times the typical irradiance of its set.
     pub clamp: f32,
     /// Whether short rays give back what the bound takes away.
@@ -78,6 +80,7 @@ impl Default for IgiSettings {
             paths: 8,
             interleave: [3, 3],
             filter: true,
+            edges: true,
             clamp: 2.0,
             compensate: true,
             importance: true,
@@ -288,7 +291,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
     /// neighbours, pixels at edges take more samples.
     pub fn row(&self, lit: &Lit<'_>, y: u32) -> (Vec<Vec3>, u64) {
         let mut colors: Vec<Vec3> = (0..lit.size.0).map(|x| lit.color(x, y)).collect();
-        let rays = match self.is_filtered() {
+        let rays = match self.is_filtered() && self.igi.edges {
             true => edges::refine(self.view, self.settings, lit, y, &mut colors),
             false => 0,
         };
