@@ -149,6 +149,8 @@ enum Renderer {
     PathFiltered,
     /// Ray casting: first surfaces and all lights, without shadows
     Cast,
+    /// The geometry alone, as bright as it faces the camera: no materials, no lights
+    Eyelight,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -200,6 +202,7 @@ impl Renderer {
             Self::InstantRadiosity => "instant-radiosity",
             Self::PathFiltered => "path-filtered",
             Self::Cast => "cast",
+            Self::Eyelight => "eyelight",
         }
     }
 
@@ -207,7 +210,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi | Self::InstantRadiosity | Self::PathFiltered | Self::Cast => 1,
+            Self::Igi | Self::InstantRadiosity | Self::PathFiltered | Self::Cast | Self::Eyelight => 1,
         }
     }
 }
