@@ -56,7 +56,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Vec<Value>, String> {
         &["squares, pixels", "one shader", "32 shaders", "slower", "one by one", "kernel's share"],
         &rows,
     );
-    result(&format!("\nThe shaders: {}.", materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")));
+    result(&format!(
+        "\nThe shaders: {}.",
+        materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")
+    ));
     Ok(values)
 }
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use heliostat::engine::LaneMode;
 use heliostat::kernel::glam::{Vec2, Vec3};
 use heliostat::scene::{
-    Backend, Camera, ColorSpace, Edit, Environment, FrameRequest, Geometry, Image, Light, LightKind, Material,
-    MaterialOverride, Mesh, Progress, Scene, SceneBuilder, Texture, TextureRef,
+    Backend, Camera, ColorSpace, Edit, Environment, FrameRequest, Geometry, Image, Light, LightKind,
+    Material, MaterialOverride, Mesh, Progress, Scene, SceneBuilder, Texture, TextureRef,
 };
 use serde_json::{Value, json};
 
@@ -38,7 +38,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Vec<Value>, String> {
     }
     table(
         "Frames of primary rays, one point light, no shadows, everything textured: milliseconds, and the share that is shading",
-        &["scene", "traced alone", "diffuse", "materials as they are", "diffuse, one by one", "kernel's share (diffuse)"],
+        &[
+            "scene",
+            "traced alone",
+            "diffuse",
+            "materials as they are",
+            "diffuse, one by one",
+            "kernel's share (diffuse)",
+        ],
         &rows,
     );
     Ok(values)

@@ -24,7 +24,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Option<Value>, String> {
     let setup = |(shader, lanes)| Setup::new(&edits(shader), lanes, request(arguments.size));
     let [none, built_in, plugin] = shaders;
     let packets = LaneMode::default();
-    let kinds = [(none, packets), (built_in.clone(), packets), (plugin, packets), (built_in, LaneMode::Single)];
+    let kinds =
+        [(none, packets), (built_in.clone(), packets), (plugin, packets), (built_in, LaneMode::Single)];
     let mut setups = kinds.into_iter().map(setup).collect::<Result<Vec<_>, _>>()?;
     let times = measure(&mut setups, arguments.runs)?;
     let names = ["no shader", "built in", "plug-in in C", "built in, one by one"];
@@ -71,7 +72,11 @@ fn edits(shader: Option<ShaderRef>) -> Vec<Edit> {
     scene.instance(object, Affine3A::IDENTITY);
     scene.light(Light {
         name: "lamp".into(),
-        kind: LightKind::Point { position: Vec3::Y * 3.0, intensity: Vec3::splat(20.0), range: f32::INFINITY },
+        kind: LightKind::Point {
+            position: Vec3::Y * 3.0,
+            intensity: Vec3::splat(20.0),
+            range: f32::INFINITY,
+        },
     });
     scene.finish()
 }
