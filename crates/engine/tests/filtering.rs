@@ -12,7 +12,7 @@ use heliostat_scene::{
 /// A floor of black and white lines, with a line of sight that grazes it.
 fn floor() -> (Engine, Camera) {
     let mut scene = SceneBuilder::new();
-    let lines = |x: u32| if x / 16 % 2 == 0 { 0 } else { 255 };
+    let lines = |x: u32| if (x / 16).is_multiple_of(2) { 0 } else { 255 };
     let pixels = (0..64 * 64).flat_map(|i| [lines(i % 64), lines(i % 64), lines(i % 64), 255]).collect();
     let image = Arc::new(Image::rgba8(64, 64, pixels));
     let texture = scene.texture(Texture::new("lines", image, ColorSpace::Linear));

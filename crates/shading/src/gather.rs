@@ -68,7 +68,7 @@ impl Points {
                 Geometry::Mesh(mesh) => {
                     match before {
                         Some(hit) if is_same_triangle(hit, arrival.hit) => {
-                            triangles.repeat(lane, material, &arrival)
+                            triangles.repeat(lane, material, &arrival);
                         }
                         _ => triangles.fetch(lane, mesh, material, &arrival),
                     }

@@ -32,7 +32,7 @@ pub struct Points {
     /// log2 of the footprint's width, for each set, in texture space. For materials with a shader.
     pub lod: [Floats; 2],
     /// The footprint as textures are filtered over it.
-    pub(crate) probes: Probes,
+    pub probes: Probes,
     /// The mesh's linear colour.
     pub color: Vectors,
     /// The mesh's alpha.
@@ -54,13 +54,13 @@ pub struct Points {
 /// Squares side by side that cover a long footprint.
 #[repr(C)]
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Probes {
+pub struct Probes {
     /// How many: a whole number from 1.
-    pub(crate) count: Floats,
+    pub count: Floats,
     /// The footprint's longer axis from end to end, for each set, in texture space.
-    pub(crate) along: [[Floats; 2]; 2],
+    pub along: [[Floats; 2]; 2],
     /// log2 of the width of a square, for each set, in texture space.
-    pub(crate) lod: [Floats; 2],
+    pub lod: [Floats; 2],
 }
 
 /// A ray at the surface it hit.
