@@ -72,8 +72,14 @@ impl MipMap {
             return self.lookup(uv, lod);
         }
         let step = 1.0 / probes as f32;
-        let at = |probe: u32| uv + along * ((probe as f32 + 0.5) * step - 0.5);
-        (0..probes).map(|probe| self.lookup(at(probe), lod)).sum::<Vec4>() * step
+        let mut sum = Vec4::ZERO;
+        for probe in 0..probes {
+            // Each reads one level; together they blend the two around `lod`.
+            let share = (probe as f32 + 0.5) * step;
+            let level = floor(lod + share).0 as f32;
+            sum += self.lookup(uv + along * (share - 0.5), level);
+        }
+        sum * step
     }
 
     /// Mean over the whole image.
