@@ -135,8 +135,17 @@ typedef struct HeliostatCallbacks {
                       uint32_t count,
                       struct HeliostatVectors *rgb,
                       struct HeliostatFloats *alpha);
+    // Gradient noise (Perlin, "Improving Noise", 2002) of about one feature per unit, the same as the engine's own
+    // shaders use: `value` gets -1 to 1 with mean 0 for the first `count` positions, and `gradient`, unless it is NULL, its
+    // derivatives. Another seed gives other noise. Returns 0, or another number if nothing was written, since an argument
+    // was NULL or `count` above 16.
+    int32_t (*noise)(const struct HeliostatVectors *position,
+                     uint32_t seed,
+                     uint32_t count,
+                     struct HeliostatFloats *value,
+                     struct HeliostatVectors *gradient);
     // NULL. Kept for what version 1 has not: rays of the shader's own and loops over lights.
-    const void *reserved[6];
+    const void *reserved[5];
 } HeliostatCallbacks;
 
 // How the surface looks at the points, in the terms of the metallic-roughness model of glTF 2.0. A shader finds the

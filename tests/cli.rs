@@ -1,4 +1,5 @@
 //! The command line end to end: exit codes, messages, files, and that a picture does not depend on threads.
+#![allow(clippy::print_stderr, reason = "a test says when it did not run")]
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -367,6 +368,26 @@ fn detail_levels_are_chosen_and_quadrics_counted() {
     expect_code(&heliostat(&folder, &format!("{render} --detail-level 1 -o fine.exr")), 0);
     let picture = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert_ne!(picture("coarse.exr"), picture("fine.exr"));
+}
+
+#[test]
+fn lightmaps_take_the_place_of_a_maps_lights() {
+    let Some(scenes) = std::env::var_os("HELIOSTAT_SCENES") else {
+        eprintln!("note: HELIOSTAT_SCENES is not set; lightmaps were not tested");
+        return;
+    };
+    let map = Path::new(&scenes).join("quake3-aggressor/maps/aggressor.bsp");
+    let folder = folder("lightmaps");
+    let lights = |options: &str| {
+        let output = heliostat(&folder, &format!("info {} --json {options}", map.display()));
+        expect_code(&output, 0);
+        let info: Value = serde_json::from_str(&stdout(&output)).unwrap();
+        info["lights"].as_array().unwrap().len()
+    };
+    assert!(lights("") > 0);
+    assert_eq!(lights("--lightmaps"), 0);
+    let render = format!("render {} --lightmaps --renderer cast --size 32x24 -o baked.exr", map.display());
+    expect_code(&heliostat(&folder, &render), 0);
 }
 
 #[test]

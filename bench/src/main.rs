@@ -7,6 +7,7 @@
 //! cargo run --release -p heliostat-bench -- igi [--scene NAME|FILE …] [--page FILE]
 //! cargo run --release -p heliostat-bench -- kernel [--scene NAME|FILE] [--json FILE]
 //! cargo run --release -p heliostat-bench -- motion alternatives|edits|grouping|instancing|play …
+//! cargo run --release -p heliostat-bench -- shading [--scene NAME|FILE …] [--json FILE]
 //! ```
 
 mod chart;
@@ -19,6 +20,7 @@ mod kernel;
 mod measure;
 mod motion;
 mod page;
+mod shading;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -59,6 +61,8 @@ enum Command {
     /// What motion costs: edits, instances, deforming meshes, animated scenes
     #[command(subcommand)]
     Motion(motion::Command),
+    /// What shading costs: against tracing alone, with 32 shaders at once, one by one, in a plug-in
+    Shading(shading::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -71,6 +75,7 @@ fn main() -> ExitCode {
         Command::Igi(arguments) => igi::run(&arguments),
         Command::Kernel(arguments) => kernel::run(&arguments),
         Command::Motion(command) => motion::run(&command),
+        Command::Shading(arguments) => shading::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

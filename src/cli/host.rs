@@ -78,7 +78,11 @@ impl Host for CliHost {
                 if self.allow_plugins {
                     shaders.allow_plugins(Arc::new(Plugins::default()));
                 }
-                (name, input::read(name, None).map_err(|failure| Refusal(failure.to_string()))?)
+                (
+                    name,
+                    input::read(name, &input::Reading::default())
+                        .map_err(|failure| Refusal(failure.to_string()))?,
+                )
             }
             Source::Upload { name, bytes, beside } => {
                 let loaded = load_bytes(name, bytes, &Beside(beside), &strict_limits());

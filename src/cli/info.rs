@@ -14,9 +14,8 @@ use super::statistics::{Statistics, image_bytes};
 pub(super) struct Arguments {
     /// A file or the name of a built-in scene
     scene: String,
-    /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
-    #[arg(long, value_name = "N")]
-    detail_level: Option<u32>,
+    #[command(flatten)]
+    reading: input::Reading,
     /// Tell what moves and how, and what grouping by motion (`render --group`) merges
     #[arg(long)]
     motion: bool,
@@ -26,7 +25,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let source = input::scene(&arguments.scene, arguments.detail_level)?;
+    let source = input::scene(&arguments.scene, &arguments.reading)?;
     let mut scene = Scene::default();
     scene.apply(&source.edits)?;
     if arguments.motion {

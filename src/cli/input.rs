@@ -16,14 +16,26 @@ pub(super) struct Source {
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
-/// Reads a scene: a built-in one by its name, else a file. `detail_level` is that of [`Limits`].
+/// What is read of a file.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[group(skip)]
+pub(super) struct Reading {
+    /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
+    #[arg(long, value_name = "N")]
+    detail_level: Option<u32>,
+    /// Show the light that is baked into a map (BSP) instead of its lights
+    #[arg(long)]
+    lightmaps: bool,
+}
+
+/// Reads a scene: a built-in one by its name, else a file, of which as much as is asked for.
 ///
 /// # Errors
 /// When there is neither, or the file cannot be loaded.
-pub(super) fn scene(name: &str, detail_level: Option<u32>) -> Result<Source, Failure> {
+pub(super) fn scene(name: &str, reading: &Reading) -> Result<Source, Failure> {
     check(name)?;
-    let name = name.to_owned();
-    console::with_progress("loading", move |_| read(&name, detail_level))
+    let (name, reading) = (name.to_owned(), *reading);
+    console::with_progress("loading", move |_| read(&name, &reading))
 }
 
 /// Whether there is a scene of this name.
@@ -43,11 +55,12 @@ pub(super) fn check(name: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// When the file cannot be loaded.
-pub(super) fn read(name: &str, detail_level: Option<u32>) -> Result<Source, Failure> {
+pub(super) fn read(name: &str, reading: &Reading) -> Result<Source, Failure> {
     if let Some(edits) = builtin::build(name) {
         return Ok(Source { edits, timeline: builtin::timeline(name), diagnostics: Vec::new() });
     }
-    let limits = Limits { detail_level, ..Limits::default() };
+    let Reading { detail_level, lightmaps } = *reading;
+    let limits = Limits { detail_level, lightmaps, ..Limits::default() };
     Ok(load(Path::new(name), &limits)?.into())
 }
 

@@ -74,7 +74,7 @@ fn efficacy(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(arguments: Arguments) -> Result<(), Failure> {
-    let source = input::scene(&arguments.scene, None)?;
+    let source = input::scene(&arguments.scene, &input::Reading::default())?;
     Scene::default().apply(&source.edits)?;
     let options = EngineOptions {
         threads: arguments.threads.and_then(|n| NonZeroUsize::new(n.into())),

@@ -32,9 +32,8 @@ use super::{camera, console, input, output};
 pub(super) struct Arguments {
     /// A file or the name of a built-in scene [default: the replay's, else atrium]
     scene: Option<String>,
-    /// Detail of files that have levels of it (AFF): 0 is the coarsest [default: as the file says]
-    #[arg(long, value_name = "N")]
-    detail_level: Option<u32>,
+    #[command(flatten)]
+    reading: input::Reading,
     /// Picture to write: .png is tone mapped, .exr and .hdr hold linear radiance, .apng plays all frames
     #[arg(short, long, value_name = "FILE")]
     output: output::Target,
@@ -153,6 +152,8 @@ enum Renderer {
     PathFiltered,
     /// Ray casting: first surfaces and all lights, without shadows
     Cast,
+    /// The geometry alone, as bright as it faces the camera: no materials, no lights
+    Eyelight,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -204,6 +205,7 @@ impl Renderer {
             Self::InstantRadiosity => "instant-radiosity",
             Self::PathFiltered => "path-filtered",
             Self::Cast => "cast",
+            Self::Eyelight => "eyelight",
         }
     }
 
@@ -211,7 +213,7 @@ impl Renderer {
         match self {
             Self::Path => 64,
             Self::Direct => 16,
-            Self::Igi | Self::InstantRadiosity | Self::PathFiltered | Self::Cast => 1,
+            Self::Igi | Self::InstantRadiosity | Self::PathFiltered | Self::Cast | Self::Eyelight => 1,
         }
     }
 }
@@ -267,7 +269,7 @@ fn make(arguments: &Arguments, playback: Option<Playback>) -> Result<(), Failure
         return Err(Failure::usage("an animated picture has no room for planes")
             .with_help("write numbered files: `-o NAME.exr`, with `--animate NAME.apng` for the animation"));
     }
-    let source = input::scene(arguments.scene(), arguments.detail_level)?;
+    let source = input::scene(arguments.scene(), &arguments.reading)?;
     input::show(&source.diagnostics);
     let mut edits = source.edits;
     edits.extend(environment(arguments.environment.as_ref())?);

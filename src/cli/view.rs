@@ -42,7 +42,7 @@ struct Common {
     #[arg(default_value = DEFAULT_SCENE)]
     scene: String,
     /// How light is computed at first: igi, path, direct or cast
-    #[arg(long, default_value = "igi", value_parser = ["igi", "path", "direct", "instant-radiosity", "path-filtered", "cast"])]
+    #[arg(long, default_value = "igi", value_parser = ["igi", "path", "direct", "instant-radiosity", "path-filtered", "cast", "eyelight"])]
     renderer: String,
     /// Load the shader plug-ins that the scene names: they run with all your rights, so allow only what you trust
     #[arg(long)]

@@ -274,7 +274,8 @@ enum Renderer {
 }
 
 impl Renderer {
-    const NAMES: [&str; 6] = ["path", "direct", "igi", "instant-radiosity", "path-filtered", "cast"];
+    const NAMES: [&str; 7] =
+        ["path", "direct", "igi", "instant-radiosity", "path-filtered", "cast", "eyelight"];
 
     fn by_name(name: &str) -> Option<Self> {
         match name {

@@ -61,7 +61,7 @@ fn engine(threads: usize) -> Engine {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    for renderer in ["path", "direct", "igi", "instant-radiosity", "path-filtered", "cast"] {
+    for renderer in ["path", "direct", "igi", "instant-radiosity", "path-filtered", "cast", "eyelight"] {
         let frames: Vec<_> = [1, 2, 5]
             .into_iter()
             .map(|threads| {

@@ -157,8 +157,21 @@ pub struct HeliostatCallbacks {
             alpha: *mut HeliostatFloats,
         ) -> i32,
     >,
+    /// Gradient noise (Perlin, "Improving Noise", 2002) of about one feature per unit, the same as the engine's own
+    /// shaders use: `value` gets -1 to 1 with mean 0 for the first `count` positions, and `gradient`, unless it is NULL, its
+    /// derivatives. Another seed gives other noise. Returns 0, or another number if nothing was written, since an argument
+    /// was NULL or `count` above 16.
+    pub noise: Option<
+        unsafe extern "C" fn(
+            position: *const HeliostatVectors,
+            seed: u32,
+            count: u32,
+            value: *mut HeliostatFloats,
+            gradient: *mut HeliostatVectors,
+        ) -> i32,
+    >,
     /// NULL. Kept for what version 1 has not: rays of the shader's own and loops over lights.
-    pub reserved: [*const c_void; 6],
+    pub reserved: [*const c_void; 5],
 }
 
 /// A parameter of a shader. Strings are UTF-8 and end with a zero.

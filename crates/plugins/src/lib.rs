@@ -18,6 +18,7 @@
 //! This crate is one of the few homes of `unsafe`: every call into a plug-in and every look at its tables is one.
 
 pub mod abi;
+mod callbacks;
 mod error;
 mod library;
 mod program;

@@ -6,14 +6,14 @@ use std::ptr::{from_mut, from_ref, null, null_mut};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::Vec2;
 use heliostat_shading::lanes::{Vectors, WIDTH};
 use heliostat_shading::{Closures, Input, LaneMode, Points, ShaderInfo, SurfaceProgram};
 
 use crate::abi::{
-    HELIOSTAT_MAX_PARAMETERS, HeliostatCallbacks, HeliostatClosures, HeliostatConstant, HeliostatFloats,
-    HeliostatInputs, HeliostatPoints, HeliostatVectors,
+    HELIOSTAT_MAX_PARAMETERS, HeliostatClosures, HeliostatConstant, HeliostatInputs, HeliostatPoints,
+    HeliostatVectors,
 };
+use crate::callbacks;
 use crate::table::Entry;
 
 /// Room for what a constructor has to say.
@@ -140,11 +140,7 @@ impl Instance {
             *to = vectors(value);
         }
         let handed = HeliostatInputs { values: table.as_ptr(), count: values.len() as u32 };
-        let callbacks = HeliostatCallbacks {
-            context: from_ref(&inputs).cast(),
-            sample: Some(sample),
-            reserved: [null(); 6],
-        };
+        let callbacks = callbacks::table(&inputs);
         let points = points_table(points);
         let closures = closures_table(closures);
         // SAFETY: the handle is the one that `create` gave, the library is loaded, and all tables and what they point to
@@ -246,40 +242,4 @@ fn closures_table(closures: &mut Closures) -> HeliostatClosures {
         normal: from_mut(&mut closures.normal).cast(),
         coat_normal: from_mut(&mut closures.coat_normal).cast(),
     }
-}
-
-/// See [`HeliostatCallbacks::sample`].
-unsafe extern "C" fn sample(
-    callbacks: *const HeliostatCallbacks,
-    parameter: u32,
-    u: *const HeliostatFloats,
-    v: *const HeliostatFloats,
-    width: *const HeliostatFloats,
-    count: u32,
-    rgb: *mut HeliostatVectors,
-    alpha: *mut HeliostatFloats,
-) -> i32 {
-    let count = count as usize;
-    if callbacks.is_null() || u.is_null() || v.is_null() || width.is_null() || rgb.is_null() || count > WIDTH
-    {
-        return 1;
-    }
-    // SAFETY: the plug-in passes the callbacks that it was given, whose context is the slice of inputs, while it shades.
-    let inputs: &[Input] = unsafe { *(*callbacks).context.cast::<&[Input]>() };
-    let Some(input) = inputs.get(parameter as usize) else { return 2 };
-    for lane in 0..count {
-        // SAFETY: not null, of 16 numbers each, and `lane` is one of them. Through pointers all the way, so that the plug-in
-        // may have its results where its coordinates were.
-        unsafe {
-            let uv = Vec2::new((*u).lane[lane], (*v).lane[lane]);
-            let texel = input.sample(uv, (*width).lane[lane]);
-            (*rgb).x.lane[lane] = texel.x;
-            (*rgb).y.lane[lane] = texel.y;
-            (*rgb).z.lane[lane] = texel.z;
-            if !alpha.is_null() {
-                (*alpha).lane[lane] = texel.w;
-            }
-        }
-    }
-    0
 }

@@ -44,6 +44,19 @@ pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// The step between 8-bit codes of linear values.
+pub(crate) const UNIT: f32 = 1.0 / 255.0;
+
+/// Values of all 8-bit linear codes.
+pub(crate) static UNIT8: [f32; 256] = {
+    let (mut values, mut code) = ([0.0; 256], 0);
+    while code < 256 {
+        values[code] = code as f32 * UNIT;
+        code += 1;
+    }
+    values
+};
+
 /// Linear values of all 8-bit sRGB codes.
 pub(crate) static SRGB8: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f32 / 255.0)));

@@ -159,14 +159,14 @@ impl AreaEmitter {
             Geometry::Quadrics(quadrics) => quadric::sample(&quadrics.shapes[primitive], u),
         };
         let met = Met::new(&part.shape, primitive as u32, uv, 0.0);
-        let (position, error) = met.point(placement);
-        let normal = met.normal(placement).try_normalize()?;
+        let (position, error, normal, area_pdf) = met.on_light(placement);
+        let normal = normal.try_normalize()?;
         // Lights that shine from both sides send half their paths from either.
         let both = material.source().double_sided;
         let back = both && rest < 0.5;
         let normal = if back { -normal } else { normal };
         let radiance = material.visible_emission(&met.coordinates(material, placement, 0.0), !back);
-        let pdf = probability * met.area_pdf(placement) * if both { 0.5 } else { 1.0 };
+        let pdf = probability * area_pdf * if both { 0.5 } else { 1.0 };
         let radiance = radiance * (weight / pdf);
         if !(radiance.is_finite() && radiance != Vec3::ZERO) {
             return None;

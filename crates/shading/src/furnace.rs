@@ -10,7 +10,7 @@ use heliostat_scene::{Clearcoat, Material, MaterialId, ShaderUse, Volume};
 use crate::bsdf::Bsdf;
 use crate::lanes::{Vector, WIDTH};
 use crate::lobe_set::Selection;
-use crate::lobes::{LobeGeometry, appearance};
+use crate::lobes::{Appearance, LobeGeometry, appearance};
 use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::sampler::Sampler;
@@ -25,6 +25,10 @@ const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.0];
 const TOLERANCE: f32 = 0.005;
 
 fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Bsdf<f32> {
+    appear(material, cos, front, cache).bsdf
+}
+
+fn appear(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) -> Appearance<f32> {
     let material = SurfaceMaterial::new(
         MaterialId(0),
         &Arc::new(material.clone()),
@@ -34,9 +38,9 @@ fn bsdf(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache) 
     );
     let normal = Vector::from(Vec3::Z);
     let wo = Vector::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-    let at = TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color: Vec4::ONE.into() };
+    let at = TextureCoordinates::square([[0.0; 2]; 2], [0.0; 2], Vec4::ONE.into());
     let closure = material.closure(&at, (normal, normal), front);
-    appearance(&material, &closure, &LobeGeometry { ng: normal, wo, front }).bsdf
+    appearance(&material, &closure, &LobeGeometry { ng: normal, wo, front })
 }
 
 /// Low-discrepancy points of the unit cube.
@@ -129,6 +133,20 @@ fn white_furnace_of_every_lobe_and_roughness() {
         }
     }
     assert!(failures.is_empty(), "{} failures:\n{}", failures.len(), failures.join("\n"));
+}
+
+#[test]
+fn albedos_are_what_the_furnace_finds() {
+    let mut cache = InterfaceCache::new();
+    for roughness in ROUGHNESSES {
+        for (name, material, front) in white_materials(roughness) {
+            for cos in COSINES {
+                let albedo = Vec3::from(appear(&material, cos, front, &mut cache).albedo);
+                let error = (albedo - 1.0).abs().max_element();
+                assert!(error < TOLERANCE, "{name}, roughness {roughness}, cos {cos}: {albedo}");
+            }
+        }
+    }
 }
 
 #[test]

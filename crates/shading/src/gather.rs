@@ -2,6 +2,7 @@
 
 use fearless_simd::{Level, Simd};
 use glam::{Mat3A, Vec2, Vec3};
+use heliostat_kernel::Hit;
 use heliostat_scene::{Geometry, Mesh};
 
 use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH, log2};
@@ -44,38 +45,47 @@ impl Points {
         &mut self,
         mode: LaneMode,
         material: &SurfaceMaterial,
-        reached: impl Iterator<Item = Reached<'a>> + Clone,
+        reached: &[Reached<'a>],
         triangles: &mut Triangles,
     ) {
-        let mut all = reached.clone().map(|(_, placement, _)| placement);
-        let first = all.next();
-        let shared = first.filter(|&first| first.motion.is_none() && all.all(|p| std::ptr::eq(p, first)));
+        let first = reached.first().map(|(_, placement, _)| *placement);
+        let is_first = |first| reached.iter().all(|(_, placement, _)| std::ptr::eq(*placement, first));
+        let shared = first.filter(|&first| first.motion.is_none() && is_first(first));
         if let Some(placement) = shared {
             triangles.place_all(placement);
         }
         (self.color, self.alpha) = (WHITE, WHITE.x);
         let (mut count, mut others) = (0, 0_u32);
-        for (lane, (arrival, placement, part)) in reached.clone().enumerate().take(WIDTH) {
+        let mut before: Option<&Hit> = None;
+        for (lane, &(arrival, placement, part)) in reached.iter().enumerate().take(WIDTH) {
             count = lane + 1;
             self.arrive(lane, material, arrival);
-            let moved = placement.at(arrival.ray.time);
-            let placement = moved.as_ref().unwrap_or(placement);
             if shared.is_none() {
-                triangles.place(lane, placement);
+                let moved = placement.at(arrival.ray.time);
+                triangles.place(lane, moved.as_ref().unwrap_or(placement));
             }
             match &part.shape {
                 Geometry::Mesh(mesh) => {
-                    triangles.fetch(lane, mesh, material, &arrival);
+                    match before {
+                        Some(hit) if is_same_triangle(hit, arrival.hit) => {
+                            triangles.repeat(lane, material, &arrival);
+                        }
+                        _ => triangles.fetch(lane, mesh, material, &arrival),
+                    }
                     self.paint(lane, mesh, &arrival);
+                    before = mesh.motion.is_empty().then_some(arrival.hit);
                 }
-                Geometry::Quadrics(_) => others |= 1 << lane,
+                Geometry::Quadrics(_) => {
+                    others |= 1 << lane;
+                    before = None;
+                }
             }
         }
         on_lanes!(mode, count, |token, lane| interpolate::<_>(token, lane, material, triangles, self));
         if others == 0 && !material.has_normal_maps() {
             return;
         }
-        for (lane, (arrival, placement, part)) in reached.enumerate().take(WIDTH) {
+        for (lane, &(arrival, placement, part)) in reached.iter().enumerate().take(WIDTH) {
             let moved = placement.at(arrival.ray.time);
             let placement = moved.as_ref().unwrap_or(placement);
             match &part.shape {
@@ -124,6 +134,10 @@ impl Points {
     }
 }
 
+fn is_same_triangle(a: &Hit, b: &Hit) -> bool {
+    (a.primitive, a.geometry, a.path) == (b.primitive, b.geometry, b.path)
+}
+
 const WHITE: Vectors = {
     let one = Floats::splat(1.0);
     Vectors { x: one, y: one, z: one }
@@ -154,9 +168,27 @@ impl Triangles {
         self.detour = Floats::splat(placement.detour);
     }
 
+    /// Takes the corners that the lane before has: neighbours often lie on one triangle.
+    fn repeat(&mut self, lane: usize, material: &SurfaceMaterial, Arrival { hit, cone, .. }: &Arrival<'_>) {
+        let lane = lane % WIDTH;
+        let before = (lane + WIDTH - 1) % WIDTH;
+        for v in self.positions.iter_mut().chain(&mut self.normals) {
+            (v.x.0[lane], v.y.0[lane], v.z.0[lane]) = (v.x.0[before], v.y.0[before], v.z.0[before]);
+        }
+        for set in 0..2 {
+            if material.uses_uvs(set) {
+                self.has_uvs[set].0[lane] = self.has_uvs[set].0[before];
+                for [u, v] in &mut self.uvs[set] {
+                    (u.0[lane], v.0[lane]) = (u.0[before], v.0[before]);
+                }
+            }
+        }
+        (self.at[0].0[lane], self.at[1].0[lane], self.width.0[lane]) = (hit.u, hit.v, cone.width);
+    }
+
     /// Reads the corners of a lane's triangle.
     fn fetch(&mut self, lane: usize, mesh: &Mesh, material: &SurfaceMaterial, arrival: &Arrival<'_>) {
-        let hit = arrival.hit;
+        let (lane, hit) = (lane % WIDTH, arrival.hit);
         let indices = mesh.indices[hit.primitive as usize].map(|i| i as usize);
         for (to, position) in self.positions.iter_mut().zip(corners(mesh, indices, arrival.ray.time)) {
             to.set(lane, position);
@@ -258,34 +290,61 @@ fn interpolate<F: Real>(
     }
     let (along_u, along_v) = (transform(lanes.linear, b - a), transform(lanes.linear, c - a));
     let world_area = along_u.cross(along_v).length();
-    // At grazing angles the footprint is an ellipse; limiting its length keeps textures sharp, and the samples of
-    // the pixel filter the rest.
-    let cos = ng.dot(Vector::load(token, &points.wo, lane)).abs();
-    let width = F::load(token, &triangles.width, lane) / cos.max(cos.splat(0.25));
+    let wo = Vector::<F>::load(token, &points.wo, lane);
+    let cos = ng.dot(wo).abs();
+    let width = F::load(token, &triangles.width, lane);
+    // At grazing angles the footprint is an ellipse, which a row of squares covers. Limiting its length bounds the work, and
+    // the samples of the pixel filter the rest.
+    let stretch = cos.max(cos.splat(1.0 / LONGEST)).recip();
+    let count = (stretch / LONGEST_PROBE).floor() + 1.0;
+    count.store(&mut points.probes.count, lane);
+    let probe = width * stretch / count;
+    // Where the longer axis ends, from the corner of the triangle: its shares of the edges.
+    let flat = wo - ng * ng.dot(wo);
+    let axis = flat.normalized_or(flat) * (width * stretch);
+    let normal = along_u.cross(along_v);
+    let inverse = normal.length_squared().max(cos.splat(f32::MIN_POSITIVE)).recip();
+    let axis = [axis.cross(along_v).dot(normal) * inverse, along_u.cross(axis).dot(normal) * inverse];
+    let square = |width: F| width * width / world_area;
     for set in 0..2 {
         if material.uses_uvs(set) {
-            map(token, lane, (set, lanes.weights, width * width / world_area), triangles, points);
+            let area = map(token, lane, (set, lanes.weights, axis), triangles, points);
+            let lod = |share: F| log2((area * share).max(share.splat(1e-30))) * 0.5;
+            let known = F::load(token, &triangles.has_uvs[set], lane).gt(cos.splat(0.0));
+            lod(square(probe)).only(known).store(&mut points.probes.lod[set], lane);
+            if material.shader.is_some() {
+                // One square as wide as the ellipse is long, up to a limit.
+                let widest = width * stretch.min(cos.splat(WIDEST));
+                lod(square(widest)).only(known).store(&mut points.lod[set], lane);
+            }
         }
     }
 }
 
-/// Texture coordinates of a set and their footprint, whose area is a share of the triangle's.
+/// Footprints are no longer than so many of their widths.
+const LONGEST: f32 = 7.99;
+/// A probe's share of a footprint is no longer than so many of its widths.
+const LONGEST_PROBE: f32 = 2.0;
+/// The square that shaders are told of is at most so many times as wide as the footprint.
+const WIDEST: f32 = 4.0;
+
+/// Texture coordinates of a set, the footprint's longer axis in them, and twice the triangle's area.
 #[inline(always)]
 fn map<F: Real>(
     token: F::Token,
     lane: usize,
-    (set, [wa, wb, wc], share): (usize, [F; 3], F),
+    (set, [wa, wb, wc], [axis_b, axis_c]): (usize, [F; 3], [F; 2]),
     triangles: &Triangles,
     points: &mut Points,
-) {
+) -> F {
     let [[ua, va], [ub, vb], [uc, vc]] = &triangles.uvs[set];
     let (ua, va) = (F::load(token, ua, lane), F::load(token, va, lane));
     let (ub, vb) = (F::load(token, ub, lane), F::load(token, vb, lane));
     let (uc, vc) = (F::load(token, uc, lane), F::load(token, vc, lane));
     (ua * wa + ub * wb + uc * wc).store(&mut points.uv[set][0], lane);
     (va * wa + vb * wb + vc * wc).store(&mut points.uv[set][1], lane);
-    let area = ((ub - ua) * (vc - va) - (vb - va) * (uc - ua)).abs();
-    let lod = log2((area * share).max(share.splat(1e-30))) * 0.5;
-    let known = F::load(token, &triangles.has_uvs[set], lane).gt(share.splat(0.0));
-    lod.only(known).store(&mut points.lod[set], lane);
+    let (u_b, u_c, v_b, v_c) = (ub - ua, uc - ua, vb - va, vc - va);
+    (u_b * axis_b + u_c * axis_c).store(&mut points.probes.along[set][0], lane);
+    (v_b * axis_b + v_c * axis_c).store(&mut points.probes.along[set][1], lane);
+    (u_b * v_c - v_b * u_c).abs()
 }

@@ -58,7 +58,7 @@ pub use lobe_set::{Lobes, Selection};
 pub use material::{InterfaceCache, SurfaceMaterial};
 pub use packet::{Illumination, Scattered, Scattering};
 pub use placement::{Placement, ShadedPart, Sweep};
-pub use point::{Arrival, Points};
+pub use point::{Arrival, Points, Probes};
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
 pub use reflectors::{Reflector, Reflectors};

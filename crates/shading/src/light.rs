@@ -74,6 +74,7 @@ pub(crate) struct Tables<'a> {
 }
 
 impl<'a> Tables<'a> {
+    #[inline]
     pub(crate) fn part(
         &self,
         placement: u32,
@@ -305,14 +306,14 @@ impl AreaEmitter {
             Geometry::Quadrics(quadrics) => quadric::sample(&quadrics.shapes[primitive], u),
         };
         let met = Met::new(&part.shape, primitive as u32, uv, time);
-        let (point, error) = met.point(placement);
-        let normal = met.normal(placement).try_normalize()?;
+        let (point, error, normal, area_pdf) = met.on_light(placement);
+        let normal = normal.try_normalize()?;
         let to_light = point - position;
         let distance2 = to_light.length_squared();
         let wi = to_light.try_normalize()?;
         let cos = -normal.dot(wi);
         let radiance = material.visible_emission(&met.coordinates(material, placement, 0.0), cos > 0.0);
-        let pdf = probability * met.area_pdf(placement) * distance2 / cos.abs();
+        let pdf = probability * area_pdf * distance2 / cos.abs();
         let usable = radiance != Vec3::ZERO && pdf > 0.0 && pdf.is_finite();
         // The shadow ray stops just before the light.
         let distance = (distance2.sqrt() * (1.0 - 1e-4) - error).max(0.0);

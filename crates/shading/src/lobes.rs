@@ -81,8 +81,11 @@ pub(crate) fn appearance<F: Real>(
     let mut glass_lobes = Glass::none(zero);
     let mut thin = ThinTransmission { color: black, alpha };
     if solid {
-        glass_lobes = glass(material, base, alpha, cos, geometry.front, below * transmission);
-        albedo = albedo + glass_lobes.albedo();
+        let weight = below * transmission;
+        glass_lobes = glass(material, base, alpha, cos, geometry.front, weight);
+        // What single scattering loses at rough interfaces is in the lobe's scale, not in the light that it sends on.
+        let shares = base.mix(Vector::grey(one), glass_lobes.reflectance);
+        albedo = albedo + shares * weight;
     } else if lobes.contains(Lobes::THIN_TRANSMIT) {
         let sheet = base_kept * (below * transmission);
         let clear = sheet.only(alpha.le(alpha.splat(SMOOTH_ALPHA)));

@@ -9,7 +9,7 @@ use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, ShaderR
 use crate::albedo::InterfaceTables;
 use crate::closure::Closure;
 use crate::color::Rgba;
-use crate::lanes::{LaneFn, Real, Vector};
+use crate::lanes::{LaneFn, Mask, Real, Vector};
 use crate::lobe_set::Lobes;
 use crate::lobes::effective_ior;
 use crate::microfacet::SMOOTH_ALPHA;
@@ -55,10 +55,21 @@ pub struct SurfaceMaterial {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextureCoordinates<F> {
     pub(crate) uv: [[F; 2]; 2],
-    /// log2 of the footprint's width in texture space; anything where nothing is looked up.
+    /// log2 of a probe's width in texture space; anything where nothing is looked up.
     pub(crate) lod: [F; 2],
+    /// The footprint's longer axis, over which probes are spread.
+    pub(crate) along: [[F; 2]; 2],
+    /// Number of probes; 1 is a square footprint.
+    pub(crate) probes: F,
     /// Of the mesh.
     pub(crate) color: Rgba<F>,
+}
+
+impl TextureCoordinates<f32> {
+    /// With square footprints.
+    pub(crate) fn square(uv: [[f32; 2]; 2], lod: [f32; 2], color: Rgba<f32>) -> Self {
+        Self { uv, lod, along: [[0.0; 2]; 2], probes: 1.0, color }
+    }
 }
 
 /// Shared tables of interfaces, by the bits of their index.
@@ -348,7 +359,14 @@ impl Slot {
     pub(crate) fn lookup<F: Real>(&self, at: &TextureCoordinates<F>) -> Rgba<F> {
         let set = usize::from(self.reference.uv_set.min(1));
         let [u, v] = at.uv[set];
-        let [r, g, b, a] = F::each([u, v, at.lod[set]], self);
+        let lod = at.lod[set];
+        let [r, g, b, a] = match at.probes.le(lod.splat(1.0)).all() {
+            true => F::each([u, v, lod], self),
+            false => {
+                let [along_u, along_v] = at.along[set];
+                F::each([u, v, lod, along_u, along_v, at.probes], self)
+            }
+        };
         Rgba { rgb: Vector::new(r, g, b), a }
     }
 }
@@ -358,5 +376,17 @@ impl LaneFn<3, 4> for Slot {
     fn at(&self, [u, v, lod]: [f32; 3]) -> [f32; 4] {
         let transform = &self.reference.transform.0;
         self.map.lookup(transform.transform_point2(Vec2::new(u, v)), lod + self.scale).to_array()
+    }
+}
+
+/// The same with the footprint's longer axis in the mesh's coordinates, and the number of probes along it.
+impl LaneFn<6, 4> for Slot {
+    fn at(&self, [u, v, lod, along_u, along_v, probes]: [f32; 6]) -> [f32; 4] {
+        let transform = &self.reference.transform.0;
+        let along = transform.transform_vector2(Vec2::new(along_u, along_v));
+        let uv = transform.transform_point2(Vec2::new(u, v));
+        // Within a texel there is nothing to be seen more sharply.
+        let probes = if (along * self.map.size()).length_squared() > 1.0 { probes as u32 } else { 1 };
+        self.map.lookup_along(uv, along, probes, lod + self.scale).to_array()
     }
 }

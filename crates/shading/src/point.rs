@@ -29,8 +29,10 @@ pub struct Points {
     pub wo: Vectors,
     /// Both sets of texture coordinates.
     pub uv: [[Floats; 2]; 2],
-    /// log2 of the footprint's width, for each set, in texture space.
+    /// log2 of the footprint's width, for each set, in texture space. For materials with a shader.
     pub lod: [Floats; 2],
+    /// The footprint as textures are filtered over it.
+    pub probes: Probes,
     /// The mesh's linear colour.
     pub color: Vectors,
     /// The mesh's alpha.
@@ -47,6 +49,18 @@ pub struct Points {
     pub object_from_world: [Vectors; 3],
     /// Axes of tangent space for the normal map and for the coat's; zero where there are none.
     pub tangents: [[Vectors; 2]; 2],
+}
+
+/// Squares side by side that cover a long footprint.
+#[repr(C)]
+#[derive(Clone, Debug, Default)]
+pub struct Probes {
+    /// How many: a whole number from 1.
+    pub count: Floats,
+    /// The footprint's longer axis from end to end, for each set, in texture space.
+    pub along: [[Floats; 2]; 2],
+    /// log2 of the width of a square, for each set, in texture space.
+    pub lod: [Floats; 2],
 }
 
 /// A ray at the surface it hit.
@@ -87,8 +101,10 @@ impl Points {
         }
         let cos = hit.ng.dot(self.wo.get(lane)).abs().max(0.25);
         let at = spot.coordinates(material, &placement.world_from_object, cone.width / cos);
+        self.probes.count.0[lane] = at.probes;
         for set in 0..2 {
             self.lod[set].0[lane] = at.lod[set];
+            self.probes.lod[set].0[lane] = at.lod[set];
             for axis in 0..2 {
                 self.uv[set][axis].0[lane] = at.uv[set][axis];
             }
@@ -147,7 +163,13 @@ impl Points {
                 [F::load(token, u0, lane), F::load(token, v0, lane)],
                 [F::load(token, u1, lane), F::load(token, v1, lane)],
             ],
-            lod: [F::load(token, &self.lod[0], lane), F::load(token, &self.lod[1], lane)],
+            lod: [F::load(token, &self.probes.lod[0], lane), F::load(token, &self.probes.lod[1], lane)],
+            along: self
+                .probes
+                .along
+                .each_ref()
+                .map(|[u, v]| [F::load(token, u, lane), F::load(token, v, lane)]),
+            probes: F::load(token, &self.probes.count, lane),
             color: crate::color::Rgba {
                 rgb: Vector::load(token, &self.color, lane),
                 a: F::load(token, &self.alpha, lane),
@@ -232,7 +254,7 @@ impl<'a> Corners<'a> {
         width: f32,
     ) -> TextureCoordinates<f32> {
         let color = self.interpolate(&self.mesh.colors).unwrap_or(Vec4::ONE);
-        let mut at = TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color: color.into() };
+        let mut at = TextureCoordinates::square([[0.0; 2]; 2], [0.0; 2], color.into());
         if !material.is_textured() {
             return at;
         }
@@ -304,6 +326,19 @@ impl<'a> Met<'a> {
         }
     }
 
+    /// World-space point, a bound on its rounding error, the normal as [`Self::normal`] gives it, and [`Self::area_pdf`]: what
+    /// sampling a light takes, at once.
+    pub(crate) fn on_light(&self, placement: &Placement) -> (Vec3, f32, Vec3, f32) {
+        let (point, error) = self.point(placement);
+        let normal = self.normal(placement);
+        let area_pdf = match self {
+            // The normal of a triangle is as long as twice its area.
+            Self::Triangle(_) => 2.0 / normal.length(),
+            Self::Quadric(_) => self.area_pdf(placement),
+        };
+        (point, error, normal, area_pdf)
+    }
+
     /// Density per square metre of the world of points distributed evenly over this primitive, in object space.
     pub(crate) fn area_pdf(&self, placement: &Placement) -> f32 {
         match self {
@@ -334,7 +369,10 @@ impl<'a> Met<'a> {
     ) -> TextureCoordinates<f32> {
         let matrix = &placement.world_from_object;
         match self {
-            Self::Triangle(corners) => corners.coordinates(material, corners.doubled_area(matrix), width),
+            Self::Triangle(corners) => {
+                let area = if material.is_textured() { corners.doubled_area(matrix) } else { 1.0 };
+                corners.coordinates(material, area, width)
+            }
             Self::Quadric(spot) => spot.coordinates(material, matrix, width),
         }
     }

@@ -75,11 +75,11 @@ impl Spot {
     ) -> TextureCoordinates<f32> {
         let color = Vec4::ONE.into();
         if !material.is_textured() {
-            return TextureCoordinates { uv: [[0.0; 2]; 2], lod: [0.0; 2], color };
+            return TextureCoordinates::square([[0.0; 2]; 2], [0.0; 2], color);
         }
         let world_area = self.point.density * self.area_scale(world_from_object);
         let lod = 0.5 * (width * width / world_area.max(f32::MIN_POSITIVE)).max(1e-30).log2();
-        TextureCoordinates { uv: [self.uv.to_array(); 2], lod: [lod; 2], color }
+        TextureCoordinates::square([self.uv.to_array(); 2], [lod; 2], color)
     }
 
     /// As for triangles.

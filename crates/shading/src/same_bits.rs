@@ -50,6 +50,11 @@ fn fill(scratch: &mut ShadeScratch, packet: usize) {
             (uv[0].0[lane], uv[1].0[lane]) = (3.0 * u - 1.0, 3.0 * v - 1.0);
         }
         points.lod = [Floats([d * 6.0 - 8.0; WIDTH]); 2];
+        points.probes.lod = points.lod;
+        points.probes.count.0[lane] = (1.0 + 4.0 * a).floor();
+        for along in &mut points.probes.along {
+            (along[0].0[lane], along[1].0[lane]) = (0.2 * b, 0.1 * c);
+        }
         points.color.set(lane, Vec3::new(d, 1.0, a));
         points.alpha.0[lane] = c;
         points.width.0[lane] = 0.2 * d;

@@ -10,6 +10,7 @@ use crate::camera::Cone;
 use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
 use crate::gather::Reached;
+use crate::lanes::WIDTH;
 use crate::light::{LightSample, Lights, Tables};
 use crate::material::SurfaceMaterial;
 use crate::packet::Illumination;
@@ -171,6 +172,7 @@ impl ShadingScene {
     }
 
     /// The part that was hit, with its placement and material. `hit` must be a hit.
+    #[inline]
     pub fn part(&self, hit: &Hit) -> (&Placement, &ShadedPart, &SurfaceMaterial) {
         self.tables().part(hit.path.0 as u32, hit.geometry)
     }
@@ -196,11 +198,15 @@ impl ShadingScene {
         surfaces: &mut Surfaces,
     ) {
         let material = &self.materials[packet.material as usize];
-        let reached = packet.hits.iter().map(|&index| self.reached(along(index as usize)));
-        scratch.points.gather(self.mode, material, reached, &mut scratch.triangles);
+        let mut reached = [self.reached(along(packet.hits[0] as usize)); WIDTH];
+        for (reached, &index) in reached.iter_mut().zip(packet.hits).skip(1) {
+            *reached = self.reached(along(index as usize));
+        }
+        scratch.points.gather(self.mode, material, &reached[..packet.hits.len()], &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
 
+    #[inline]
     fn reached<'a>(&'a self, arrival: Arrival<'a>) -> Reached<'a> {
         let (placement, part, _) = self.part(arrival.hit);
         (arrival, placement, part)
@@ -211,8 +217,8 @@ impl ShadingScene {
         let mut scratch = ShadeScratch::default();
         let mut surfaces = Surfaces::default();
         let material = self.part(hit).2;
-        let reached = std::iter::once(self.reached(Arrival { hit, ray, cone, level: 1 }));
-        scratch.points.gather(LaneMode::Single, material, reached, &mut scratch.triangles);
+        let reached = [self.reached(Arrival { hit, ray, cone, level: 1 })];
+        scratch.points.gather(LaneMode::Single, material, &reached, &mut scratch.triangles);
         shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
         surfaces.lane(0)
     }

@@ -1,14 +1,15 @@
-//! Alias-free texture lookup: mip pyramids with trilinear interpolation.
+//! Alias-free texture lookup: mip pyramids with trilinear interpolation, several times along footprints that are long.
 //!
 //! # References
-//! Williams, "Pyramidal Parametrics", 1983.
+//! Williams, "Pyramidal Parametrics", 1983. McCormack, Perry, Farkas, Jouppi, "Feline: Fast Elliptical Lines for Anisotropic
+//! Texture Mapping", 1999, section 4 (probes along the longer axis).
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec4};
 use heliostat_scene::{ColorSpace, Image, Pixels, Texture, Wrap};
 
-use crate::color::{SRGB8, srgb_encode};
+use crate::color::{SRGB8, UNIT, UNIT8, srgb_encode};
 
 /// A texture with its mip pyramid. Level 0 shares the image's memory.
 #[derive(Clone, Debug)]
@@ -17,6 +18,8 @@ pub struct MipMap {
     /// Levels 1 and up, each half the size (rounded down), to 1×1.
     levels: Vec<Image>,
     decode: ColorSpace,
+    /// What 8-bit codes of colours stand for.
+    curve: &'static [f32; 256],
     wrap: [Wrap; 2],
     nearest: bool,
 }
@@ -28,6 +31,7 @@ impl MipMap {
             base: texture.image.clone(),
             levels: Vec::new(),
             decode: texture.color_space,
+            curve: curve(texture.color_space),
             wrap: texture.wrap,
             nearest: texture.nearest,
         };
@@ -50,6 +54,7 @@ impl MipMap {
     /// Coordinates that are not finite read as (0, 0).
     pub fn lookup(&self, uv: Vec2, lod: f32) -> Vec4 {
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
+        let uv = Vec2::new(folded(uv.x, self.wrap[0]), folded(uv.y, self.wrap[1]));
         let coarsest = self.levels.len() as f32;
         let lod = if lod > 0.0 { lod.min(coarsest) } else { 0.0 };
         if lod == 0.0 {
@@ -61,6 +66,22 @@ impl MipMap {
         if blend == 0.0 { fine } else { fine.lerp(self.bilinear(level + 1, uv), blend) }
     }
 
+    /// The mean of `probes` lookups, each of a square of 2^`lod` texels, evenly along a footprint that is `along` long.
+    pub fn lookup_along(&self, uv: Vec2, along: Vec2, probes: u32, lod: f32) -> Vec4 {
+        if probes <= 1 {
+            return self.lookup(uv, lod);
+        }
+        let step = 1.0 / probes as f32;
+        let mut sum = Vec4::ZERO;
+        for probe in 0..probes {
+            // Each reads one level; together they blend the two around `lod`.
+            let share = (probe as f32 + 0.5) * step;
+            let level = floor(lod + share).0 as f32;
+            sum += self.lookup(uv + along * (share - 0.5), level);
+        }
+        sum * step
+    }
+
     /// Mean over the whole image.
     pub fn mean(&self) -> Vec4 {
         self.lookup(Vec2::ZERO, f32::INFINITY)
@@ -70,26 +91,57 @@ impl MipMap {
         if level == 0 { &self.base } else { &self.levels[(level - 1).min(self.levels.len() - 1)] }
     }
 
+    /// The texel at coordinates that are folded.
     fn point(&self, uv: Vec2) -> Vec4 {
-        let (x, _) = floor(uv.x * self.base.width as f32);
-        let (y, _) = floor(uv.y * self.base.height as f32);
-        let x = wrapped(x, self.base.width, self.wrap[0]);
-        texel(&self.base, x, wrapped(y, self.base.height, self.wrap[1]), self.decode)
+        let (width, height) = (self.base.width, self.base.height);
+        let x = neighbour(floor(uv.x * width as f32).0, width, self.wrap[0]);
+        let y = neighbour(floor(uv.y * height as f32).0, height, self.wrap[1]);
+        texel(&self.base, x as u32, y as u32, self.decode)
     }
 
+    /// A mean of four texels around coordinates that are folded.
     fn bilinear(&self, level: usize, uv: Vec2) -> Vec4 {
         let image = self.level(level);
-        let (x, fx) = floor(uv.x * image.width as f32 - 0.5);
-        let (y, fy) = floor(uv.y * image.height as f32 - 0.5);
-        let columns = [x, x + 1].map(|x| wrapped(x, image.width, self.wrap[0]));
-        let rows = [y, y + 1].map(|y| wrapped(y, image.height, self.wrap[1]));
-        let at = |row: usize, column: usize| texel(image, columns[column], rows[row], self.decode);
-        at(0, 0).lerp(at(0, 1), fx).lerp(at(1, 0).lerp(at(1, 1), fx), fy)
+        let (width, height) = (image.width, image.height);
+        let (x, fx) = floor(uv.x * width as f32 - 0.5);
+        let (y, fy) = floor(uv.y * height as f32 - 0.5);
+        let (left, right) = (neighbour(x, width, self.wrap[0]), neighbour(x + 1, width, self.wrap[0]));
+        let (above, below) = (neighbour(y, height, self.wrap[1]), neighbour(y + 1, height, self.wrap[1]));
+        let (above, below) = (above * width as usize, below * width as usize);
+        // Spelt out, since these are the most frequent reads of all.
+        let (a, b, c, d) = match &image.pixels {
+            Pixels::Rgba8(p) => {
+                let (p, curve) = (p.as_chunks::<4>().0, self.curve);
+                let (a, b) = (decoded(p[above + left], curve), decoded(p[above + right], curve));
+                (a, b, decoded(p[below + left], curve), decoded(p[below + right], curve))
+            }
+            Pixels::RgbaF32(p) => {
+                let p = p.as_chunks::<4>().0;
+                let (a, b) = (Vec4::from_array(p[above + left]), Vec4::from_array(p[above + right]));
+                (a, b, Vec4::from_array(p[below + left]), Vec4::from_array(p[below + right]))
+            }
+        };
+        a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
     }
+}
+
+/// What 8-bit codes of colours stand for.
+fn curve(decode: ColorSpace) -> &'static [f32; 256] {
+    match decode {
+        ColorSpace::Srgb => &SRGB8,
+        ColorSpace::Linear => &UNIT8,
+    }
+}
+
+/// Linear RGBA of four bytes.
+#[inline(always)]
+fn decoded([r, g, b, a]: [u8; 4], curve: &[f32; 256]) -> Vec4 {
+    Vec4::new(curve[r as usize], curve[g as usize], curve[b as usize], UNIT * f32::from(a))
 }
 
 /// Whole and fractional part of a texel coordinate. Spelt out because the library's `floor` is a call where the
 /// instruction is not part of the baseline.
+#[inline(always)]
 fn floor(x: f32) -> (i32, f32) {
     // Beyond this there are no fractions; the bound keeps the neighbour's index from overflowing.
     let x = x.clamp(-1e9, 1e9);
@@ -98,20 +150,29 @@ fn floor(x: f32) -> (i32, f32) {
     (whole, x - whole as f32)
 }
 
-/// Index of a texel after wrapping.
-fn wrapped(at: i32, size: u32, wrap: Wrap) -> u32 {
+/// A texture coordinate brought into [0, 1], where the picture is.
+#[inline(always)]
+fn folded(u: f32, wrap: Wrap) -> f32 {
+    match wrap {
+        Wrap::Repeat => floor(u).1,
+        // Every second time backwards.
+        Wrap::Mirror => 1.0 - (2.0 * floor(0.5 * u).1 - 1.0).abs(),
+        Wrap::Clamp => u.clamp(0.0, 1.0),
+    }
+}
+
+/// Index of a texel inside the image, or next to it before wrapping.
+#[inline(always)]
+fn neighbour(at: i32, size: u32, wrap: Wrap) -> usize {
     // The scene limits sides to `Image::MAX_SIDE`, so nothing here overflows.
-    let n = size as i32;
+    let last = size as i32 - 1;
     let inside = match wrap {
-        _ if (0..n).contains(&at) => at,
-        Wrap::Repeat => at.rem_euclid(n),
-        Wrap::Mirror => {
-            let period = at.rem_euclid(2 * n);
-            period.min(2 * n - 1 - period)
-        }
-        Wrap::Clamp => at.clamp(0, n - 1),
+        _ if (0..=last).contains(&at) => at,
+        Wrap::Repeat if at < 0 => last,
+        Wrap::Repeat => 0,
+        Wrap::Mirror | Wrap::Clamp => at.clamp(0, last),
     };
-    inside as u32
+    inside as usize
 }
 
 /// Linear RGBA of one texel inside the image.
@@ -119,17 +180,7 @@ pub(crate) fn texel(image: &Image, x: u32, y: u32, decode: ColorSpace) -> Vec4 {
     let i = (y as usize * image.width as usize + x as usize) * 4;
     match &image.pixels {
         Pixels::RgbaF32(p) => Vec4::from_slice(&p[i..i + 4]),
-        Pixels::Rgba8(p) => {
-            let [r, g, b, a] = [p[i], p[i + 1], p[i + 2], p[i + 3]];
-            let unit = |code: u8| f32::from(code) * (1.0 / 255.0);
-            match decode {
-                ColorSpace::Srgb => {
-                    let curve = &*SRGB8;
-                    Vec4::new(curve[r as usize], curve[g as usize], curve[b as usize], unit(a))
-                }
-                ColorSpace::Linear => Vec4::new(unit(r), unit(g), unit(b), unit(a)),
-            }
-        }
+        Pixels::Rgba8(p) => decoded([p[i], p[i + 1], p[i + 2], p[i + 3]], curve(decode)),
     }
 }
 
@@ -216,6 +267,34 @@ mod tests {
         let map = MipMap::new(&Texture::new("bw", Arc::new(image), ColorSpace::Srgb));
         assert!((map.mean().x - 0.5).abs() < 0.005, "half of the light, not code 128: {}", map.mean());
         assert_eq!(map.mean().w, 1.0);
+    }
+
+    #[test]
+    fn long_footprints_stay_sharp() {
+        // A checkerboard of 16 texels a square, looked at through footprints that are 4 texels wide and 32 long.
+        let map = MipMap::new(&texture(256, 256, |x, y| ((x / 16 + y / 16) % 2) as f32));
+        let mut errors = [0.0_f64; 2];
+        for i in 0..500_u32 {
+            let [x, y, turn] = [0.618_034, 0.754_878, 0.569_84].map(|step| (i as f32 * step).fract());
+            let (uv, axis) = (Vec2::new(x, y), Vec2::from_angle(std::f32::consts::TAU * turn));
+            let (along, across) = (axis * (32.0 / 256.0), axis.perp() * (4.0 / 256.0));
+            let inside = (0..64 * 8).map(|j| {
+                let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32 - 0.5;
+                map.point(Vec2::from_array(
+                    (uv + along * at(j % 64, 64) + across * at(j / 64, 8))
+                        .to_array()
+                        .map(|u| u.rem_euclid(1.0)),
+                ))
+            });
+            let exact = inside.map(|texel| texel.x).sum::<f32>() / 512.0;
+            // Squares side by side, and one square that is as long up to four widths, as is usual.
+            let filtered = [map.lookup_along(uv, along, 4, 3.0), map.lookup(uv, 4.0)];
+            for (error, texel) in errors.iter_mut().zip(filtered) {
+                *error += f64::from((texel.x - exact).powi(2));
+            }
+        }
+        let [row, square] = errors.map(|error| (error / 500.0).sqrt());
+        assert!(row < 0.6 * square, "root mean square errors: {row} of a row, {square} of a square");
     }
 
     #[test]

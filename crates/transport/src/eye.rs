@@ -9,7 +9,7 @@
 
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
-use heliostat_shading::lanes::{Vectors, WIDTH};
+use heliostat_shading::lanes::Vectors;
 use heliostat_shading::{
     Arrival, Cone, HitPacket, HitSorter, Lobes, SamplePoints, Sampler, Scattered as ScatteredPacket,
     Selection, ShadeScratch, Surfaces,
@@ -78,9 +78,11 @@ impl WeightedRay {
     }
 }
 
-/// The rays of a packet at the surfaces they met, lane by lane. Rays of weight zero have nothing left to carry.
+/// The rays of a packet at the surfaces they met, lane by lane, in memory that is used again. Rays of weight zero have nothing left to carry.
+#[derive(Debug, Default)]
 pub(crate) struct Arrived {
-    pub(crate) rays: [WeightedRay; WIDTH],
+    pub(crate) rays: Vec<WeightedRay>,
+    /// Those that may carry something are among the first so many.
     pub(crate) count: usize,
 }
 
@@ -128,6 +130,7 @@ struct Shader {
     sorter: HitSorter,
     scratch: ShadeScratch,
     surfaces: Surfaces,
+    arrived: Arrived,
     points: SamplePoints,
     samples: ScatteredPacket,
     origins: Vectors,
@@ -261,14 +264,14 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
     ) {
         let scene = self.view.scene;
         shader.sorter.sort(scene, hits);
-        let Shader { sorter, scratch, surfaces, points, samples, origins, .. } = shader;
+        let Shader { sorter, scratch, surfaces, arrived, points, samples, origins, .. } = shader;
         for packet in sorter.packets() {
             scene.shade(&packet, |i| rays[i].arrival(&hits[i]), scratch, surfaces);
-            let arrived = self.arrive(&packet, rays, hits, surfaces, sums, first_sample);
+            self.arrive(&packet, rays, hits, surfaces, (sums, first_sample), arrived);
             if arrived.count > 0 {
-                self.lighting.packet(self.view, &arrived, surfaces, sums);
+                self.lighting.packet(self.view, arrived, surfaces, sums);
                 if self.lighting.follows_mirrors() {
-                    self.reflect(&arrived, surfaces, (points, samples), origins);
+                    self.reflect(arrived, surfaces, (points, samples), origins);
                 }
             }
         }
@@ -282,14 +285,15 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         rays: &[WeightedRay],
         hits: &[Hit],
         surfaces: &Surfaces,
-        sums: &mut [PixelSum],
-        first_sample: bool,
-    ) -> Arrived {
+        (sums, first_sample): (&mut [PixelSum], bool),
+        arrived: &mut Arrived,
+    ) {
         let scene = self.view.scene;
-        let mut arrived = Arrived { rays: [rays[packet.hits[0] as usize]; WIDTH], count: 0 };
-        for (lane, &index) in packet.hits.iter().enumerate() {
-            let (ray, hit) = (&mut arrived.rays[lane], &hits[index as usize]);
-            *ray = rays[index as usize];
+        arrived.rays.clear();
+        arrived.rays.extend(packet.hits.iter().map(|&index| rays[index as usize]));
+        arrived.count = 0;
+        for (lane, (ray, &index)) in arrived.rays.iter_mut().zip(packet.hits).enumerate() {
+            let hit = &hits[index as usize];
             let sum = &mut sums[ray.pixel as usize];
             sum.shaded += 1.0;
             let absorption = surfaces.absorption(lane);
@@ -334,7 +338,6 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         if surfaces.lobes().is_empty() {
             arrived.count = 0;
         }
-        arrived
     }
 
     /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.

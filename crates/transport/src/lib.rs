@@ -8,6 +8,7 @@
 
 mod direct;
 mod eye;
+mod eyelight;
 mod igi;
 mod mis;
 mod path;
@@ -28,12 +29,14 @@ pub enum Integrator {
     Direct,
     /// Ray casting: the first surface, lit by all lights, without shadows.
     Cast,
+    /// The geometry alone, as bright as it faces the camera: neither materials nor lights.
+    Eyelight,
 }
 
 impl Integrator {
     /// All of them with their names.
     pub const NAMES: &[(&str, Self)] =
-        &[("path", Self::Path), ("direct", Self::Direct), ("cast", Self::Cast)];
+        &[("path", Self::Path), ("direct", Self::Direct), ("cast", Self::Cast), ("eyelight", Self::Eyelight)];
 
     /// The integrator of this name.
     pub fn by_name(name: &str) -> Option<Self> {
@@ -55,6 +58,7 @@ impl Integrator {
             Self::Path => path::render(view, settings, region, sums, after_sample),
             Self::Direct => direct::render(view, settings, region, sums, after_sample, true),
             Self::Cast => direct::render(view, settings, region, sums, after_sample, false),
+            Self::Eyelight => eyelight::render(view, settings, region, sums, after_sample),
         }
     }
 }

@@ -135,6 +135,14 @@ pub struct FirstHit {
     pub material: u32,
 }
 
+impl FirstHit {
+    pub(crate) fn of(scene: &ShadingScene, hit: &Hit) -> Self {
+        let (placement, _, material) = scene.part(hit);
+        let Placement { object, instance, .. } = placement;
+        Self { object: object.0, instance: instance.0, material: material.id.0 }
+    }
+}
+
 impl PixelSum {
     /// Adds the first surface a camera ray met (behind see-through ones it passed).
     pub(crate) fn add_first_hit(
@@ -152,9 +160,7 @@ impl PixelSum {
         self.albedo += surfaces.albedo(lane);
         self.hits += 1.0;
         if first_sample {
-            let (placement, _, material) = scene.part(hit);
-            let Placement { object, instance, .. } = placement;
-            self.first = Some(FirstHit { object: object.0, instance: instance.0, material: material.id.0 });
+            self.first = Some(FirstHit::of(scene, hit));
         }
     }
 

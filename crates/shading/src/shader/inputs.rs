@@ -45,8 +45,10 @@ impl Input {
     /// The value, and the texture's alpha, at texture coordinates other than those of the point, filtered over `width` of
     /// them. Anything that is not finite counts as 0.
     pub fn sample(&self, uv: Vec2, width: f32) -> Vec4 {
-        let texel =
-            self.texture.as_ref().map_or(Vec4::ONE, |slot| slot.at([uv.x, uv.y, width.log2()]).into());
+        let texel = self
+            .texture
+            .as_ref()
+            .map_or(Vec4::ONE, |slot| LaneFn::<3, 4>::at(slot, [uv.x, uv.y, width.log2()]).into());
         self.factor.extend(1.0) * texel
     }
 }
