@@ -78,7 +78,8 @@ impl WeightedRay {
     }
 }
 
-/// The rays of a packet at the surfaces they met, lane by lane, in memory that is used again. Rays of weight zero have nothing left to carry.
+/// The rays of a packet at the surfaces they met, lane by lane, in memory that is used again. Rays of weight zero have nothing
+/// left to carry.
 #[derive(Debug, Default)]
 pub(crate) struct Arrived {
     pub(crate) rays: Vec<WeightedRay>,

@@ -29,9 +29,9 @@ use crate::{
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
-/// How many lanes stay together.
+/// How many lanes stay together: where a packet switches to single rays.
 #[derive(Clone, Copy)]
-struct Company {
+struct Thresholds {
     /// Up to so many go on alone: a step of a packet costs about as much as that many single ones, and less where they
     /// will stay together.
     few: u32,
@@ -236,7 +236,7 @@ impl Packet {
     ) {
         let nodes = screen.bvh.tree.view();
         let beam = self.beam(simd, octant, bits);
-        let Company { few, many } = self.company(&beam, bits);
+        let Thresholds { few, many } = self.thresholds(&beam, bits);
         let mark = visits.len();
         visits.push(self.visit(simd, screen.start, bits));
         while visits.len() > mark {
@@ -424,14 +424,14 @@ impl Packet {
 
     /// How many of the lanes in `used` stay together.
     #[inline(always)]
-    fn company(&self, beam: &Beam, used: u16) -> Company {
+    fn thresholds(&self, beam: &Beam, used: u16) -> Thresholds {
         // Of lanes whose largest axes differ, triangles take longer.
         let alike = self.turned.iter().any(|turned| used & !turned == 0)
             || used & (self.turned[0] | self.turned[1]) == 0;
         match (beam.is_narrow(), alike) {
-            (true, _) => Company { few: 1, many: 2 },
-            (false, true) => Company { few: 5, many: 6 },
-            (false, false) => Company { few: 5, many: 8 },
+            (true, _) => Thresholds { few: 1, many: 2 },
+            (false, true) => Thresholds { few: 5, many: 6 },
+            (false, false) => Thresholds { few: 5, many: 8 },
         }
     }
 

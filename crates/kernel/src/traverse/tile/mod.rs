@@ -5,6 +5,7 @@ mod collect;
 mod kd;
 mod leaf;
 mod nested;
+mod setup;
 mod walk;
 mod work;
 
@@ -13,7 +14,8 @@ use std::cell::Cell;
 use fearless_simd::prelude::*;
 
 use self::{
-    leaf::{Leaf, Setup},
+    leaf::Leaf,
+    setup::Setup,
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Rays, Work},
 };
