@@ -32,17 +32,38 @@ pub(crate) struct Arguments {
     /// Frames; medians are printed
     #[arg(long, default_value_t = 7)]
     runs: usize,
+    /// Tables to be measured
+    #[arg(long, value_enum, num_args = 1.., value_delimiter = ',', default_values_t = Table::ALL)]
+    table: Vec<Table>,
     /// Writes all figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Table {
+    /// Simple shading against tracing alone
+    Simple,
+    /// 32 shaders at random
+    Mosaics,
+    /// A plug-in in C
+    Plugin,
+}
+
+impl Table {
+    const ALL: [Self; 3] = [Self::Simple, Self::Mosaics, Self::Plugin];
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
-    let simple = plain::run(arguments)?;
-    let mosaics = mosaic::run(arguments)?;
-    let plugin = plugin::run(arguments)?;
+    let mut all = json!({});
+    for table in Table::ALL.into_iter().filter(|table| arguments.table.contains(table)) {
+        match table {
+            Table::Simple => all["simple"] = plain::run(arguments)?.into(),
+            Table::Mosaics => all["mosaics"] = mosaic::run(arguments)?.into(),
+            Table::Plugin => all["plugin"] = plugin::run(arguments)?.into(),
+        }
+    }
     let Some(file) = &arguments.json else { return Ok(()) };
-    let all = json!({ "simple": simple, "mosaics": mosaics, "plugin": plugin });
     std::fs::write(file, all.to_string()).map_err(|error| format!("cannot write {}: {error}", file.display()))
 }
 

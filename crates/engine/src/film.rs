@@ -59,7 +59,7 @@ impl Film {
         // A thread that panicked while it held the lock left whole pixels behind: go on with them.
         let mut frame = self.frame.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let width = frame.width as usize;
-        for ((x, y), sum) in region.pixels().zip(sums) {
+        for ((x, y), sum) in region.pixels().into_iter().zip(sums) {
             let index = y as usize * width + x as usize;
             frame.color[index] = (sum.color + sum.lit) * self.per_sample;
             for data in &mut frame.planes {

@@ -87,7 +87,7 @@ pub(crate) fn render(
             let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
             rays.fetch_add(traced, Ordering::Relaxed);
             let mut picture = locked(&shared);
-            for ((x, y), pixel) in region.pixels().zip(gathered) {
+            for ((x, y), pixel) in region.pixels().into_iter().zip(gathered) {
                 picture[y as usize * size.0 as usize + x as usize] = pixel;
             }
             progress.advance(1);

@@ -26,6 +26,9 @@ impl Image {
     /// Most pixels along either side: texel coordinates stay exact in single precision.
     pub const MAX_SIDE: u32 = 1 << 24;
 
+    /// Most pixels in all: their indices are 32 bits wide.
+    pub const MAX_AREA: u64 = 1 << 32;
+
     /// An 8-bit RGBA image.
     pub fn rgba8(width: u32, height: u32, pixels: Vec<u8>) -> Self {
         Self { width, height, pixels: Pixels::Rgba8(pixels) }
@@ -56,6 +59,10 @@ impl Image {
         if self.width.max(self.height) > Self::MAX_SIDE {
             let (width, height, limit) = (self.width, self.height, Self::MAX_SIDE);
             return Some(format!("the image is {width}×{height}; the limit for either side is {limit}"));
+        }
+        if expected / 4 > Self::MAX_AREA {
+            let (width, height, limit) = (self.width, self.height, Self::MAX_AREA);
+            return Some(format!("the image is {width}×{height}; the limit is {limit} pixels in all"));
         }
         (len != expected).then(|| {
             format!(

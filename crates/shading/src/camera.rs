@@ -349,12 +349,18 @@ fn ray_lanes<F: Real>(
 ) {
     let [pixel_x, pixel_y] = &points.pixel;
     let [lens_u, lens_v] = &points.lens;
-    let pixel = [F::load(token, pixel_x, lane), F::load(token, pixel_y, lane)];
-    let u_lens = [F::load(token, lens_u, lane), F::load(token, lens_v, lane)];
-    let time = F::load(token, &points.time, lane);
+    let pixel = [gathered::<F>(token, pixel_x, lane), gathered(token, pixel_y, lane)];
+    let u_lens = [gathered(token, lens_u, lane), gathered(token, lens_v, lane)];
+    let time = gathered(token, &points.time, lane);
     let (origin, direction) = camera.lanes(token, pixel, u_lens, time);
     origin.store(&mut out.origin, lane);
     direction.store(&mut out.direction, lane);
+}
+
+/// Lanes that were written one by one.
+#[inline(always)]
+fn gathered<F: Real>(token: F::Token, from: &Floats, lane: usize) -> F {
+    F::gather(token, lane, |lane| from.0[lane])
 }
 
 /// The orientation and place of a transform: scale would distort directions.

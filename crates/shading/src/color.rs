@@ -44,6 +44,20 @@ pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// Linear value of an 8-bit sRGB code, given as code / 255, on lanes: relative error below 5e-5, and 0 and 1 are exact.
+#[inline(always)]
+pub(crate) fn srgb_decode_code<F: Real>(encoded: F) -> F {
+    // 1 + (e − 1) q(e), a minimax fit to the codes of the curved part.
+    let q = encoded * 0.138_854_64 + -0.393_678_2;
+    let q = q * encoded + 0.481_875_36;
+    let q = q * encoded + -0.394_726_7;
+    let q = q * encoded + 0.481_365;
+    let q = q * encoded + 0.963_586_45;
+    let q = q * encoded + 0.999_152_3;
+    let curved = (encoded - 1.0) * q + 1.0;
+    (encoded * (1.0 / 12.92)).where_or(encoded.lt(encoded.splat(0.04045)), curved)
+}
+
 /// The step between 8-bit codes of linear values.
 pub(crate) const UNIT: f32 = 1.0 / 255.0;
 
@@ -70,7 +84,10 @@ mod tests {
         for code in 0..=255 {
             let linear = SRGB8[code];
             assert_eq!((srgb_encode(linear) * 255.0).round() as usize, code);
+            let on_lanes = srgb_decode_code(code as f32 * UNIT);
+            assert!((on_lanes - linear).abs() <= 5e-5 * linear, "code {code}: {on_lanes}, not {linear}");
         }
+        assert_eq!(srgb_decode_code(1.0_f32), 1.0);
         // 50 % grey code 188 ≈ 0.5029 linear by the standard's formula.
         assert!((srgb_decode(188.0 / 255.0) - 0.502886).abs() < 1e-5);
         assert!((luminance(Vec3::ONE) - 1.0).abs() < 1e-6);

@@ -1,7 +1,7 @@
 //! From hits to points: the corners of triangles are fetched hit by hit, and all that is computed from them runs on lanes.
 
 use fearless_simd::{Level, Simd};
-use glam::{Mat3A, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use heliostat_kernel::Hit;
 use heliostat_scene::{Geometry, Mesh};
 
@@ -16,24 +16,72 @@ use crate::surface::LaneMode;
 #[repr(C)]
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Triangles {
-    /// Object space.
-    positions: [Vectors; 3],
-    /// Object space; zero where the mesh has none.
-    normals: [Vectors; 3],
-    uvs: [[[Floats; 2]; 3]; 2],
-    /// 1 where the mesh has the set, 0 elsewhere.
-    has_uvs: [Floats; 2],
-    /// Barycentric coordinates of the hits.
-    at: [Floats; 2],
-    /// Of the footprint, metres.
-    width: Floats,
-    /// Columns of the linear part and the translation.
-    world_from_object: [Vectors; 4],
-    /// Columns.
-    world_from_object_normal: [Vectors; 3],
-    detour: Floats,
+    /// The corners' positions and normals in object space, the latter zero where the mesh has none; for each set the corners'
+    /// texture coordinates, and 1 where the mesh has them, 0 elsewhere.
+    corners: Runs<32>,
+    /// Columns of the linear part of the transform to the world, its translation, the columns of the transform of normals,
+    /// and [`Placement::detour`].
+    placements: Runs<22>,
     /// 1 where the interpolated normal pointed to the back and was turned round, 0 elsewhere.
     turned: Floats,
+}
+
+/// Values that neighbouring lanes often share.
+#[repr(C)]
+#[derive(Clone, Debug)]
+struct Runs<const N: usize> {
+    /// Which of the values is a lane's.
+    of: Floats,
+    values: [[f32; N]; WIDTH],
+    count: usize,
+}
+
+impl<const N: usize> Default for Runs<N> {
+    fn default() -> Self {
+        Self { of: Floats::ZERO, values: [[0.0; N]; WIDTH], count: 0 }
+    }
+}
+
+impl<const N: usize> Runs<N> {
+    /// The place of the values of the lanes from `lane` on.
+    #[inline(always)]
+    fn begin(&mut self, lane: usize) -> &mut [f32; N] {
+        self.count = if lane == 0 { 1 } else { self.count + 1 };
+        self.go_on(lane);
+        &mut self.values[(self.count - 1) % WIDTH]
+    }
+
+    /// Another lane has the values of the lane before.
+    #[inline(always)]
+    fn go_on(&mut self, lane: usize) {
+        self.of.0[lane % WIDTH] = (self.count - 1) as f32;
+    }
+
+    /// Which of the values are those of lanes from `lane` on.
+    #[inline(always)]
+    fn of<F: Real>(&self, token: F::Token, lane: usize) -> F {
+        F::gather(token, lane, |lane| self.of.0[lane])
+    }
+
+    /// Some values of lanes from `lane` on, `of` being which; the first of them is the one at `start`.
+    #[inline(always)]
+    fn load<F: Real, const M: usize>(&self, of: F, lane: usize, start: usize) -> [F; M] {
+        let mut lanes = [of.splat(0.0); M];
+        if F::LANES == 1 {
+            let own = &self.values[self.of.0[lane] as usize % WIDTH];
+            for (value, &own) in lanes.iter_mut().zip(&own[start..start + M]) {
+                *value = of.splat(own);
+            }
+            return lanes;
+        }
+        for (run, values) in self.values[..self.count.min(WIDTH)].iter().enumerate() {
+            let here = of.equals(of.splat(run as f32));
+            for (lanes, &value) in lanes.iter_mut().zip(&values[start..start + M]) {
+                *lanes = of.splat(value).where_or(here, *lanes);
+            }
+        }
+        lanes
+    }
 }
 
 /// A hit with what it lies on.
@@ -48,40 +96,44 @@ impl Points {
         reached: &[Reached<'a>],
         triangles: &mut Triangles,
     ) {
-        let first = reached.first().map(|(_, placement, _)| *placement);
-        let is_first = |first| reached.iter().all(|(_, placement, _)| std::ptr::eq(*placement, first));
-        let shared = first.filter(|&first| first.motion.is_none() && is_first(first));
-        if let Some(placement) = shared {
-            triangles.place_all(placement);
-        }
         (self.color, self.alpha) = (WHITE, WHITE.x);
+        if reached.is_empty() {
+            return;
+        }
         let (mut count, mut others) = (0, 0_u32);
         let mut before: Option<&Hit> = None;
+        let mut place_before: Option<&Placement> = None;
         for (lane, &(arrival, placement, part)) in reached.iter().enumerate().take(WIDTH) {
             count = lane + 1;
-            self.arrive(lane, material, arrival);
-            if shared.is_none() {
-                let moved = placement.at(arrival.ray.time);
-                triangles.place(lane, moved.as_ref().unwrap_or(placement));
+            match place_before {
+                Some(place) if std::ptr::eq(place, placement) => triangles.placements.go_on(lane),
+                _ => {
+                    let moved = placement.at(arrival.ray.time);
+                    place(moved.as_ref().unwrap_or(placement), triangles.placements.begin(lane));
+                }
             }
+            place_before = placement.motion.is_none().then_some(placement);
+            let hit = arrival.hit;
             match &part.shape {
                 Geometry::Mesh(mesh) => {
                     match before {
-                        Some(hit) if is_same_triangle(hit, arrival.hit) => {
-                            triangles.repeat(lane, material, &arrival);
-                        }
+                        Some(before) if is_same_triangle(before, hit) => triangles.corners.go_on(lane),
                         _ => triangles.fetch(lane, mesh, material, &arrival),
                     }
                     self.paint(lane, mesh, &arrival);
-                    before = mesh.motion.is_empty().then_some(arrival.hit);
+                    before = mesh.motion.is_empty().then_some(hit);
                 }
                 Geometry::Quadrics(_) => {
                     others |= 1 << lane;
+                    // Something to compute with, in vain.
+                    *triangles.corners.begin(lane) = [0.0; 32];
                     before = None;
                 }
             }
         }
-        on_lanes!(mode, count, |token, lane| interpolate::<_>(token, lane, material, triangles, self));
+        on_lanes!(mode, count, |token, lane| interpolate::<_>(
+            token, lane, material, reached, triangles, self
+        ));
         if others == 0 && !material.has_normal_maps() {
             return;
         }
@@ -101,22 +153,6 @@ impl Points {
                     self.set_quadric(lane, (placement, shape, material), &arrival);
                 }
             }
-        }
-    }
-
-    /// What a lane takes from the ray.
-    fn arrive(
-        &mut self,
-        lane: usize,
-        material: &SurfaceMaterial,
-        Arrival { hit, ray, cone, level }: Arrival<'_>,
-    ) {
-        self.ng.set(lane, hit.ng);
-        self.wo.set(lane, -ray.direction);
-        if material.shader.is_some() {
-            self.distance.0[lane] = hit.t;
-            self.level.0[lane] = level as f32;
-            self.width.0[lane] = cone.width;
         }
     }
 
@@ -143,68 +179,30 @@ const WHITE: Vectors = {
     Vectors { x: one, y: one, z: one }
 };
 
+/// What points need of a placement, in the order of [`Triangles::placements`].
+fn place(placement: &Placement, to: &mut [f32; 22]) {
+    let (linear, normals) = (&placement.world_from_object.matrix3, &placement.world_from_object_normal);
+    to[..9].copy_from_slice(&linear.to_cols_array());
+    to[9..12].copy_from_slice(&placement.world_from_object.translation.to_array());
+    to[12..21].copy_from_slice(&normals.to_cols_array());
+    to[21] = placement.detour;
+}
+
 impl Triangles {
-    fn place(&mut self, lane: usize, placement: &Placement) {
-        let world = &placement.world_from_object;
-        let Mat3A { x_axis, y_axis, z_axis } = world.matrix3;
-        for (column, to) in
-            [x_axis, y_axis, z_axis, world.translation].into_iter().zip(&mut self.world_from_object)
-        {
-            to.set(lane, column.into());
-        }
-        let Mat3A { x_axis, y_axis, z_axis } = placement.world_from_object_normal;
-        for (column, to) in [x_axis, y_axis, z_axis].into_iter().zip(&mut self.world_from_object_normal) {
-            to.set(lane, column.into());
-        }
-        self.detour.0[lane] = placement.detour;
-    }
-
-    /// The same for all lanes.
-    fn place_all(&mut self, placement: &Placement) {
-        self.place(0, placement);
-        for vectors in self.world_from_object.iter_mut().chain(&mut self.world_from_object_normal) {
-            *vectors = Vectors::splat(vectors.get(0));
-        }
-        self.detour = Floats::splat(placement.detour);
-    }
-
-    /// Takes the corners that the lane before has: neighbours often lie on one triangle.
-    fn repeat(&mut self, lane: usize, material: &SurfaceMaterial, Arrival { hit, cone, .. }: &Arrival<'_>) {
-        let lane = lane % WIDTH;
-        let before = (lane + WIDTH - 1) % WIDTH;
-        for v in self.positions.iter_mut().chain(&mut self.normals) {
-            (v.x.0[lane], v.y.0[lane], v.z.0[lane]) = (v.x.0[before], v.y.0[before], v.z.0[before]);
-        }
-        for set in 0..2 {
-            if material.uses_uvs(set) {
-                self.has_uvs[set].0[lane] = self.has_uvs[set].0[before];
-                for [u, v] in &mut self.uvs[set] {
-                    (u.0[lane], v.0[lane]) = (u.0[before], v.0[before]);
-                }
-            }
-        }
-        (self.at[0].0[lane], self.at[1].0[lane], self.width.0[lane]) = (hit.u, hit.v, cone.width);
-    }
-
     /// Reads the corners of a lane's triangle.
     fn fetch(&mut self, lane: usize, mesh: &Mesh, material: &SurfaceMaterial, arrival: &Arrival<'_>) {
-        let (lane, hit) = (lane % WIDTH, arrival.hit);
-        let indices = mesh.indices[hit.primitive as usize].map(|i| i as usize);
-        for (to, position) in self.positions.iter_mut().zip(corners(mesh, indices, arrival.ray.time)) {
-            to.set(lane, position);
-        }
-        let normals = three(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]);
-        for (to, normal) in self.normals.iter_mut().zip(normals) {
-            to.set(lane, normal);
-        }
-        (self.at[0].0[lane], self.at[1].0[lane]) = (hit.u, hit.v);
-        self.width.0[lane] = arrival.cone.width;
+        let [a, b, c] = mesh.indices[arrival.hit.primitive as usize];
+        let indices = [a as usize, b as usize, c as usize];
+        let to = self.corners.begin(lane);
+        let [a, b, c] = corners(mesh, indices, arrival.ray.time);
+        to[..9].copy_from_slice(&[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
+        let [a, b, c] = three(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]);
+        to[9..18].copy_from_slice(&[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
         for (set, uvs) in mesh.uvs.iter().enumerate().filter(|&(set, _)| material.uses_uvs(set)) {
             let corners = three(uvs, indices);
-            self.has_uvs[set].0[lane] = f32::from(u8::from(corners.is_some()));
-            for (to, uv) in self.uvs[set].iter_mut().zip(corners.unwrap_or([Vec2::ZERO; 3])) {
-                (to[0].0[lane], to[1].0[lane]) = (uv.x, uv.y);
-            }
+            let known = f32::from(u8::from(corners.is_some()));
+            let [a, b, c] = corners.unwrap_or([Vec2::ZERO; 3]);
+            to[18 + 7 * set..][..7].copy_from_slice(&[a.x, a.y, b.x, b.y, c.x, c.y, known]);
         }
     }
 }
@@ -237,9 +235,58 @@ fn transform<F: Real>([x, y, z]: [Vector<F>; 3], v: Vector<F>) -> Vector<F> {
     x * v.x + y * v.y + z * v.z
 }
 
+/// Three vectors that stand one after the other.
 #[inline(always)]
-fn load<F: Real>(token: F::Token, [a, b, c]: &[Vectors; 3], lane: usize) -> [Vector<F>; 3] {
-    [Vector::load(token, a, lane), Vector::load(token, b, lane), Vector::load(token, c, lane)]
+fn vectors<F: Real>([ax, ay, az, bx, by, bz, cx, cy, cz]: [F; 9]) -> [Vector<F>; 3] {
+    [Vector::new(ax, ay, az), Vector::new(bx, by, bz), Vector::new(cx, cy, cz)]
+}
+
+/// A placement in registers.
+#[derive(Clone, Copy)]
+struct Place<F> {
+    /// Columns.
+    linear: [Vector<F>; 3],
+    translation: Vector<F>,
+    /// Columns of the transform of normals.
+    normals: [Vector<F>; 3],
+    detour: F,
+}
+
+impl<F: Real> Place<F> {
+    #[inline(always)]
+    fn load(token: F::Token, placements: &Runs<22>, lane: usize) -> Self {
+        let of = placements.of::<F>(token, lane);
+        let [
+            ax,
+            ay,
+            az,
+            bx,
+            by,
+            bz,
+            cx,
+            cy,
+            cz,
+            x,
+            y,
+            z,
+            nax,
+            nay,
+            naz,
+            nbx,
+            nby,
+            nbz,
+            ncx,
+            ncy,
+            ncz,
+            detour,
+        ] = placements.load(of, lane, 0);
+        Self {
+            linear: vectors([ax, ay, az, bx, by, bz, cx, cy, cz]),
+            translation: Vector::new(x, y, z),
+            normals: vectors([nax, nay, naz, nbx, nby, nbz, ncx, ncy, ncz]),
+            detour,
+        }
+    }
 }
 
 /// The points of triangles, from `lane` on.
@@ -248,17 +295,25 @@ fn interpolate<F: Real>(
     token: F::Token,
     lane: usize,
     material: &SurfaceMaterial,
+    reached: &[Reached<'_>],
     triangles: &mut Triangles,
     points: &mut Points,
 ) {
-    let (u, v) = (F::load(token, &triangles.at[0], lane), F::load(token, &triangles.at[1], lane));
-    let [x, y, z, translation] = &triangles.world_from_object;
-    let lanes = Lanes {
-        weights: [u.complement() - v, u, v],
-        linear: [Vector::load(token, x, lane), Vector::load(token, y, lane), Vector::load(token, z, lane)],
-    };
-    let corners = load::<F>(token, &triangles.positions, lane);
-    let translation = Vector::load(token, translation, lane);
+    // Lanes without a hit compute with the last one's.
+    let last = reached.len() - 1;
+    let arrival = |lane: usize| &reached[lane.min(last)].0;
+    let hit = |lane: usize| arrival(lane).hit;
+    let ng = Vector::<F>::gather(token, lane, |lane| hit(lane).ng);
+    let wo = Vector::<F>::gather(token, lane, |lane| -arrival(lane).ray.direction);
+    ng.store(&mut points.ng, lane);
+    wo.store(&mut points.wo, lane);
+    let width = F::gather(token, lane, |lane| arrival(lane).cone.width);
+    let u = F::gather(token, lane, |lane| hit(lane).u);
+    let v = F::gather(token, lane, |lane| hit(lane).v);
+    let corner_of = triangles.corners.of::<F>(token, lane);
+    let Place { linear, translation, normals, detour } = Place::<F>::load(token, &triangles.placements, lane);
+    let lanes = Lanes { weights: [u.complement() - v, u, v], linear };
+    let corners = vectors(triangles.corners.load(corner_of, lane, 0));
     let at = lanes.mix(corners);
     (transform(lanes.linear, at) + translation).store(&mut points.position, lane);
 
@@ -267,12 +322,11 @@ fn interpolate<F: Real>(
     let [mx, my, mz] = lanes.linear;
     let largest = a.abs().max(b.abs()).max(c.abs());
     let magnitude = (transform([mx.abs(), my.abs(), mz.abs()], largest) + translation.abs()).largest();
-    let error = (magnitude + F::load(token, &triangles.detour, lane)) * Placement::ROUNDING;
+    let error = (magnitude + detour) * Placement::ROUNDING;
     error.store(&mut points.error, lane);
 
-    let ng = Vector::<F>::load(token, &points.ng, lane);
-    let normals = load(token, &triangles.world_from_object_normal, lane);
-    let smooth = transform(normals, lanes.mix(load(token, &triangles.normals, lane))).normalized_or(ng);
+    let smooth = lanes.mix(vectors(triangles.corners.load(corner_of, lane, 9)));
+    let smooth = transform(normals, smooth).normalized_or(ng);
     // Some files' normals disagree with their winding; the winding decides which side is the front.
     let turned = smooth.dot(ng).lt(u.splat(0.0));
     (-smooth).where_or(turned, smooth).store(&mut points.normal, lane);
@@ -281,6 +335,10 @@ fn interpolate<F: Real>(
         return;
     }
     if material.shader.is_some() {
+        width.store(&mut points.width, lane);
+        F::gather(token, lane, |lane| hit(lane).t).store(&mut points.distance, lane);
+        let level = F::gather(token, lane, |lane| arrival(lane).level as f32);
+        level.store(&mut points.level, lane);
         at.store(&mut points.object_position, lane);
         let [x, y, z] = normals;
         // The inverse is the transpose of what takes normals.
@@ -290,9 +348,7 @@ fn interpolate<F: Real>(
     }
     let (along_u, along_v) = (transform(lanes.linear, b - a), transform(lanes.linear, c - a));
     let world_area = along_u.cross(along_v).length();
-    let wo = Vector::<F>::load(token, &points.wo, lane);
     let cos = ng.dot(wo).abs();
-    let width = F::load(token, &triangles.width, lane);
     // At grazing angles the footprint is an ellipse, which a row of squares covers. Limiting its length bounds the work, and
     // the samples of the pixel filter the rest.
     let stretch = cos.max(cos.splat(1.0 / LONGEST)).recip();
@@ -305,20 +361,24 @@ fn interpolate<F: Real>(
     let normal = along_u.cross(along_v);
     let inverse = normal.length_squared().max(cos.splat(f32::MIN_POSITIVE)).recip();
     let axis = [axis.cross(along_v).dot(normal) * inverse, along_u.cross(axis).dot(normal) * inverse];
-    let square = |width: F| width * width / world_area;
     for set in 0..2 {
         if material.uses_uvs(set) {
-            let area = map(token, lane, (set, lanes.weights, axis), triangles, points);
-            let lod = |share: F| log2((area * share).max(share.splat(1e-30))) * 0.5;
-            let known = F::load(token, &triangles.has_uvs[set], lane).gt(cos.splat(0.0));
-            lod(square(probe)).only(known).store(&mut points.probes.lod[set], lane);
+            let (area, known) = map(lane, (set, corner_of), (lanes.weights, axis), triangles, points);
+            let texels = area / world_area;
+            lod(texels, probe).only(known).store(&mut points.probes.lod[set], lane);
             if material.shader.is_some() {
                 // One square as wide as the ellipse is long, up to a limit.
                 let widest = width * stretch.min(cos.splat(WIDEST));
-                lod(square(widest)).only(known).store(&mut points.lod[set], lane);
+                lod(texels, widest).only(known).store(&mut points.lod[set], lane);
             }
         }
     }
+}
+
+/// log2 of the width in texture space of a square, metres wide, where a square metre has `area` there.
+#[inline(always)]
+fn lod<F: Real>(area: F, width: F) -> F {
+    log2((area * width.squared()).max(width.splat(1e-30))) * 0.5
 }
 
 /// Footprints are no longer than so many of their widths.
@@ -328,23 +388,21 @@ const LONGEST_PROBE: f32 = 2.0;
 /// The square that shaders are told of is at most so many times as wide as the footprint.
 const WIDEST: f32 = 4.0;
 
-/// Texture coordinates of a set, the footprint's longer axis in them, and twice the triangle's area.
+/// Texture coordinates of a set and the footprint's longer axis in them. Twice the triangle's area there, and where the mesh
+/// has the set.
 #[inline(always)]
 fn map<F: Real>(
-    token: F::Token,
     lane: usize,
-    (set, [wa, wb, wc], [axis_b, axis_c]): (usize, [F; 3], [F; 2]),
+    (set, corner_of): (usize, F),
+    ([wa, wb, wc], [axis_b, axis_c]): ([F; 3], [F; 2]),
     triangles: &Triangles,
     points: &mut Points,
-) -> F {
-    let [[ua, va], [ub, vb], [uc, vc]] = &triangles.uvs[set];
-    let (ua, va) = (F::load(token, ua, lane), F::load(token, va, lane));
-    let (ub, vb) = (F::load(token, ub, lane), F::load(token, vb, lane));
-    let (uc, vc) = (F::load(token, uc, lane), F::load(token, vc, lane));
+) -> (F, F::Mask) {
+    let [ua, va, ub, vb, uc, vc, known] = triangles.corners.load(corner_of, lane, 18 + 7 * set);
     (ua * wa + ub * wb + uc * wc).store(&mut points.uv[set][0], lane);
     (va * wa + vb * wb + vc * wc).store(&mut points.uv[set][1], lane);
     let (u_b, u_c, v_b, v_c) = (ub - ua, uc - ua, vb - va, vc - va);
     (u_b * axis_b + u_c * axis_c).store(&mut points.probes.along[set][0], lane);
     (v_b * axis_b + v_c * axis_c).store(&mut points.probes.along[set][1], lane);
-    (u_b * v_c - v_b * u_c).abs()
+    ((u_b * v_c - v_b * u_c).abs(), known.gt(known.splat(0.0)))
 }

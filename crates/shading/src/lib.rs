@@ -62,7 +62,7 @@ pub use point::{Arrival, Points, Probes};
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
 pub use reflectors::{Reflector, Reflectors};
-pub use sampler::{SamplePoints, Sampler, halves};
+pub use sampler::{SamplePoints, Sampler, Samplers, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
     Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,

@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, ShaderRef, TextureId, TextureRef};
 
 use crate::albedo::InterfaceTables;
 use crate::closure::Closure;
 use crate::color::Rgba;
-use crate::lanes::{LaneFn, Mask, Real, Vector};
+use crate::lanes::{Real, Vector};
 use crate::lobe_set::Lobes;
 use crate::lobes::effective_ior;
 use crate::microfacet::SMOOTH_ALPHA;
 use crate::shader::{Bound, ShaderProblem, ShaderRegistry};
-use crate::texture::MipMap;
+use crate::texture::{Footprint, MipMap};
 
 /// A texture in use: the pyramid and how coordinates map to it.
 #[derive(Clone, Debug)]
@@ -358,35 +358,25 @@ impl Slot {
     #[inline(always)]
     pub(crate) fn lookup<F: Real>(&self, at: &TextureCoordinates<F>) -> Rgba<F> {
         let set = usize::from(self.reference.uv_set.min(1));
-        let [u, v] = at.uv[set];
-        let lod = at.lod[set];
-        let [r, g, b, a] = match at.probes.le(lod.splat(1.0)).all() {
-            true => F::each([u, v, lod], self),
-            false => {
-                let [along_u, along_v] = at.along[set];
-                F::each([u, v, lod, along_u, along_v, at.probes], self)
-            }
-        };
-        Rgba { rgb: Vector::new(r, g, b), a }
+        self.filtered(Footprint { uv: at.uv[set], lod: at.lod[set], along: at.along[set], probes: at.probes })
     }
-}
 
-/// The texel at the mesh's coordinates, and log2 of the footprint's width in them.
-impl LaneFn<3, 4> for Slot {
-    fn at(&self, [u, v, lod]: [f32; 3]) -> [f32; 4] {
+    /// The texel under a footprint in the mesh's coordinates, `lod` being log2 of a square's width in them.
+    #[inline(always)]
+    pub(crate) fn filtered<F: Real>(&self, footprint: Footprint<F>) -> Rgba<F> {
+        let Footprint { uv: [u, v], lod, along: [along_u, along_v], probes } = footprint;
         let transform = &self.reference.transform.0;
-        self.map.lookup(transform.transform_point2(Vec2::new(u, v)), lod + self.scale).to_array()
-    }
-}
-
-/// The same with the footprint's longer axis in the mesh's coordinates, and the number of probes along it.
-impl LaneFn<6, 4> for Slot {
-    fn at(&self, [u, v, lod, along_u, along_v, probes]: [f32; 6]) -> [f32; 4] {
-        let transform = &self.reference.transform.0;
-        let along = transform.transform_vector2(Vec2::new(along_u, along_v));
-        let uv = transform.transform_point2(Vec2::new(u, v));
+        let (x, y, origin) = (transform.x_axis, transform.y_axis, transform.translation);
+        let along = [along_u * x.x + along_v * y.x, along_u * x.y + along_v * y.y];
         // Within a texel there is nothing to be seen more sharply.
-        let probes = if (along * self.map.size()).length_squared() > 1.0 { probes as u32 } else { 1 };
-        self.map.lookup_along(uv, along, probes, lod + self.scale).to_array()
+        let [width, height] = self.map.size().to_array();
+        let is_long = lod.splat(1.0).lt((along[0] * width).squared() + (along[1] * height).squared());
+        let [r, g, b, a] = self.map.filtered(Footprint {
+            uv: [u * x.x + v * y.x + origin.x, u * x.y + v * y.y + origin.y],
+            lod: lod + self.scale,
+            along,
+            probes: probes.only(is_long),
+        });
+        Rgba { rgb: Vector::new(r, g, b), a }
     }
 }

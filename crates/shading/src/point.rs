@@ -158,17 +158,17 @@ impl Points {
     #[inline(always)]
     pub(crate) fn coordinates<F: Real>(&self, token: F::Token, lane: usize) -> TextureCoordinates<F> {
         let [[u0, v0], [u1, v1]] = &self.uv;
+        let [[along_u0, along_v0], [along_u1, along_v1]] = &self.probes.along;
         TextureCoordinates {
             uv: [
                 [F::load(token, u0, lane), F::load(token, v0, lane)],
                 [F::load(token, u1, lane), F::load(token, v1, lane)],
             ],
             lod: [F::load(token, &self.probes.lod[0], lane), F::load(token, &self.probes.lod[1], lane)],
-            along: self
-                .probes
-                .along
-                .each_ref()
-                .map(|[u, v]| [F::load(token, u, lane), F::load(token, v, lane)]),
+            along: [
+                [F::load(token, along_u0, lane), F::load(token, along_v0, lane)],
+                [F::load(token, along_u1, lane), F::load(token, along_v1, lane)],
+            ],
             probes: F::load(token, &self.probes.count, lane),
             color: crate::color::Rgba {
                 rgb: Vector::load(token, &self.color, lane),

@@ -29,9 +29,7 @@ pub struct Sampler {
 impl Sampler {
     /// For one sample of pixel (x, y).
     pub fn new(x: u32, y: u32, frame: u32, seed: u32, sample: u32) -> Self {
-        let scramble = sample / SEQUENCE_LENGTH;
-        let seed = [seed, scramble, x, y].into_iter().fold(frame.hashed(), |h, value| (h ^ value).hashed());
-        Self { seed, sample: sample % SEQUENCE_LENGTH }
+        Samplers::new(frame, seed, sample).pixel(x, y)
     }
 
     /// For point `index` of a sequence that belongs to no pixel.
@@ -53,6 +51,27 @@ impl Sampler {
     /// A number in [0, 1) outside the sequence, for decisions that are rare and need no stratification.
     pub fn random(&self, key: u32) -> f32 {
         (self.seed ^ (self.sample ^ (key ^ 0x9e37_79b9).hashed()).hashed()).hashed().unit()
+    }
+}
+
+/// What the samplers of one sample of all pixels have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct Samplers {
+    seed: u32,
+    sample: u32,
+}
+
+impl Samplers {
+    /// For one sample of every pixel.
+    pub fn new(frame: u32, seed: u32, sample: u32) -> Self {
+        let seed = ((frame.hashed() ^ seed).hashed() ^ (sample / SEQUENCE_LENGTH)).hashed();
+        Self { seed, sample: sample % SEQUENCE_LENGTH }
+    }
+
+    /// The one of pixel (x, y).
+    #[inline]
+    pub fn pixel(&self, x: u32, y: u32) -> Sampler {
+        Sampler { seed: ((self.seed ^ x).hashed() ^ y).hashed(), sample: self.sample }
     }
 }
 
@@ -84,15 +103,16 @@ impl SamplePoints {
 
     /// The numbers of one lane.
     pub fn get(&self, lane: usize) -> [f32; 4] {
-        [0, 1, 2, 3].map(|i| self.u[i].0[lane])
+        let [a, b, c, d] = &self.u;
+        [a.0[lane], b.0[lane], c.0[lane], d.0[lane]]
     }
 }
 
 #[inline(always)]
 fn draw<F: Real>(token: F::Token, lane: usize, points: &mut SamplePoints) {
-    let seed = F::Whole::load(token, &points.seeds, lane);
-    let sample = F::Whole::load(token, &points.samples, lane);
-    let set = F::Whole::load(token, &points.sets, lane);
+    let seed = F::Whole::gather(token, lane, |lane| points.seeds.0[lane]);
+    let sample = F::Whole::gather(token, lane, |lane| points.samples.0[lane]);
+    let set = F::Whole::gather(token, lane, |lane| points.sets.0[lane]);
     let u = self::points::<F>(seed, sample, set);
     for (u, to) in u.into_iter().zip(&mut points.u) {
         u.store(to, lane);

@@ -199,8 +199,10 @@ impl ShadingScene {
     ) {
         let material = &self.materials[packet.material as usize];
         let mut reached = [self.reached(along(packet.hits[0] as usize)); WIDTH];
-        for (reached, &index) in reached.iter_mut().zip(packet.hits).skip(1) {
-            *reached = self.reached(along(index as usize));
+        for (lane, &index) in packet.hits.iter().enumerate().take(WIDTH).skip(1) {
+            let (arrival, (before, placement, part)) = (along(index as usize), reached[lane - 1]);
+            let same = (before.hit.path, before.hit.geometry) == (arrival.hit.path, arrival.hit.geometry);
+            reached[lane] = if same { (arrival, placement, part) } else { self.reached(arrival) };
         }
         scratch.points.gather(self.mode, material, &reached[..packet.hits.len()], &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);

@@ -37,12 +37,18 @@ impl HitSorter {
         self.slots.resize(scene.materials().len(), NONE);
         self.runs.clear();
         self.keys.clear();
+        let mut before = Hit::MISS;
+        let mut material = NONE;
         for hit in hits {
-            let material = if hit.is_hit() { scene.material_of(hit) } else { NONE };
-            self.keys.push(material);
-            if material == NONE {
+            if !hit.is_hit() {
+                self.keys.push(NONE);
                 continue;
             }
+            // Neighbours mostly hit the same part.
+            if material == NONE || (before.path, before.geometry) != (hit.path, hit.geometry) {
+                (before, material) = (*hit, scene.material_of(hit));
+            }
+            self.keys.push(material);
             let slot = &mut self.slots[material as usize];
             if *slot == NONE {
                 *slot = self.runs.len() as u32;

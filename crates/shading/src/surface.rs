@@ -7,7 +7,7 @@ use heliostat_kernel::Isa;
 use crate::bsdf::{Bsdf, Glass, Reflection, ThinTransmission};
 use crate::closure::{Closure, Closures};
 use crate::gather::Triangles;
-use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH};
+use crate::lanes::{Floats, Mask, Packet, Real, Vector, Vectors, WIDTH};
 use crate::lobe_set::{Lobes, Selection};
 use crate::lobes::{LobeGeometry, appearance};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
@@ -66,6 +66,7 @@ pub struct Surfaces {
     albedo: Vectors,
     ambient: Vectors,
     absorption: Vectors,
+    present: Present,
     pub(crate) normal: Vectors,
     coat_normal: Vectors,
     pub(crate) ng: Vectors,
@@ -80,6 +81,15 @@ pub struct Surfaces {
     thin_alpha: Floats,
     lobes: Lobes,
     pub(crate) mode: LaneMode,
+}
+
+/// What some lane may have that few surfaces do: the others are spared to be read.
+#[derive(Clone, Copy, Debug, Default)]
+struct Present {
+    emission: bool,
+    through: bool,
+    ambient: bool,
+    absorption: bool,
 }
 
 #[repr(C)]
@@ -146,19 +156,19 @@ impl Surfaces {
     /// See [`Surface::emission`].
     #[inline]
     pub fn emission(&self, lane: usize) -> Vec3 {
-        self.emission.get(lane)
+        if self.present.emission { self.emission.get(lane) } else { Vec3::ZERO }
     }
 
     /// See [`Surface::ambient`].
     #[inline]
     pub fn ambient(&self, lane: usize) -> Vec3 {
-        self.ambient.get(lane)
+        if self.present.ambient { self.ambient.get(lane) } else { Vec3::ZERO }
     }
 
     /// See [`Surface::absorption`].
     #[inline]
     pub fn absorption(&self, lane: usize) -> Vec3 {
-        self.absorption.get(lane)
+        if self.present.absorption { self.absorption.get(lane) } else { Vec3::ZERO }
     }
 
     /// See [`Surface::coverage`].
@@ -170,7 +180,7 @@ impl Surfaces {
     /// See [`Surface::through`].
     #[inline]
     pub fn through(&self, lane: usize) -> Vec3 {
-        self.through.get(lane)
+        if self.present.through { self.through.get(lane) } else { Vec3::ZERO }
     }
 
     /// Origin for a ray that leaves a lane's surface towards `direction`.
@@ -257,6 +267,13 @@ impl Surfaces {
     #[inline(always)]
     fn store<F: Real>(&mut self, surface: &Surface<F>, lane: usize) {
         let one = surface.error.splat(1.0);
+        let before = if lane == 0 { Present::default() } else { self.present };
+        self.present = Present {
+            emission: before.emission || !surface.emission.is_zero().all(),
+            through: before.through || !surface.through.is_zero().all(),
+            ambient: before.ambient || !surface.ambient.is_zero().all(),
+            absorption: before.absorption || !surface.absorption.is_zero().all(),
+        };
         surface.position.store(&mut self.position, lane);
         surface.error.store(&mut self.error, lane);
         one.only(surface.front).store(&mut self.front, lane);

@@ -65,36 +65,41 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
     }
 
     /// A shadow ray to a point of every light. Lobes that send rays of their own share the work with them.
-    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]) {
-        let scene = view.scene;
-        let Arrived { rays, count } = arrived;
+    fn packet(
+        &mut self,
+        view: &View<'_, Q>,
+        arrived: Arrived<'_>,
+        surfaces: &Surfaces,
+        sums: &mut [PixelSum],
+    ) {
+        let (scene, count) = (view.scene, arrived.count());
         let Self { shadowed, shadows, points, light, values, origins } = self;
         for emitter in 0..scene.lights().len() {
             if scene.lights().is_extended(emitter) {
-                for (lane, ray) in rays[..*count].iter().enumerate() {
+                for (lane, ray) in arrived.rays().enumerate() {
                     ray.ask(2 + emitter as u32, lane, points);
                 }
-                points.draw(scene.lane_mode(), *count);
+                points.draw(scene.lane_mode(), count);
             }
-            let along = |lane: usize| (rays[lane].ray.time, points.get(lane));
-            scene.illuminate(emitter, surfaces, along, *count, light);
-            surfaces.evaluate(&light.wi, DULL, *count, values);
+            let along = |lane: usize| (arrived.ray(lane).ray.time, points.get(lane));
+            scene.illuminate(emitter, surfaces, along, count, light);
+            surfaces.evaluate(&light.wi, DULL, count, values);
             let mut f_cos = values.f_cos;
             for side in SIDES {
                 if !surfaces.may_have(MIRRORS.among(side)) {
                     continue;
                 }
-                surfaces.evaluate(&light.wi, MIRRORS.among(side), *count, values);
-                for lane in 0..*count {
+                surfaces.evaluate(&light.wi, MIRRORS.among(side), count, values);
+                for lane in 0..count {
                     let pdf = light.pdf.0[lane];
                     let share = if pdf == 0.0 { 1.0 } else { power_heuristic(pdf, values.pdf.0[lane]) };
                     f_cos.set(lane, f_cos.get(lane) + values.f_cos.get(lane) * share);
                 }
             }
             if *shadowed {
-                surfaces.spawn(&light.wi, *count, origins);
+                surfaces.spawn(&light.wi, count, origins);
             }
-            for (lane, ray) in rays[..*count].iter().enumerate() {
+            for (lane, ray) in arrived.rays().enumerate() {
                 let radiance = ray.weight * f_cos.get(lane) * light.weight.get(lane);
                 if radiance != Vec3::ZERO && !*shadowed {
                     sums[ray.pixel as usize].add_lit(radiance);

@@ -78,13 +78,29 @@ impl WeightedRay {
     }
 }
 
-/// The rays of a packet at the surfaces they met, lane by lane, in memory that is used again. Rays of weight zero have nothing
-/// left to carry.
-#[derive(Debug, Default)]
-pub(crate) struct Arrived {
-    pub(crate) rays: Vec<WeightedRay>,
-    /// Those that may carry something are among the first so many.
-    pub(crate) count: usize,
+/// The rays of a packet at the surfaces they met. Rays of weight zero have nothing left to carry.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrived<'a> {
+    rays: &'a [WeightedRay],
+    /// The rays of the lanes that may carry something.
+    lanes: &'a [u32],
+}
+
+impl<'a> Arrived<'a> {
+    /// Number of lanes.
+    pub(crate) fn count(&self) -> usize {
+        self.lanes.len()
+    }
+
+    /// The ray of a lane.
+    pub(crate) fn ray(&self, lane: usize) -> &'a WeightedRay {
+        &self.rays[self.lanes[lane] as usize]
+    }
+
+    /// The rays, lane by lane.
+    pub(crate) fn rays(&self) -> impl Iterator<Item = &'a WeightedRay> {
+        self.lanes.iter().map(|&index| &self.rays[index as usize])
+    }
 }
 
 /// How surfaces are lit.
@@ -104,7 +120,13 @@ pub(crate) trait Lighting<Q: ?Sized> {
     fn group(&self, pixel: u32) -> usize;
 
     /// Lights the surfaces of a packet, now or at the end of the group.
-    fn packet(&mut self, view: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, sums: &mut [PixelSum]);
+    fn packet(
+        &mut self,
+        view: &View<'_, Q>,
+        arrived: Arrived<'_>,
+        surfaces: &Surfaces,
+        sums: &mut [PixelSum],
+    );
 
     /// Adds light that a ray found by itself.
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum);
@@ -131,7 +153,6 @@ struct Shader {
     sorter: HitSorter,
     scratch: ShadeScratch,
     surfaces: Surfaces,
-    arrived: Arrived,
     points: SamplePoints,
     samples: ScatteredPacket,
     origins: Vectors,
@@ -209,7 +230,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
         }
         let mut shader = std::mem::take(&mut self.shader);
         if self.lighting.groups() == 1 {
-            self.shade(&mut shader, &rays, hits, sums, first_sample);
+            self.shade(&mut shader, &mut rays, hits, sums, first_sample);
             self.lighting.finish(self.view, 0, sums);
         } else {
             self.sort_by_group(&mut shader, &rays);
@@ -222,7 +243,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
                     own.push(rays[index as usize]);
                     own_hits.push(hits[index as usize]);
                 }
-                self.shade(&mut shader, &own, &own_hits, sums, first_sample);
+                self.shade(&mut shader, &mut own, &own_hits, sums, first_sample);
                 self.lighting.finish(self.view, group, sums);
             }
             (shader.rays, shader.hits) = (own, own_hits);
@@ -254,22 +275,24 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         }
     }
 
-    /// Shades rays in packets, hands the packets over to be lit and sends on what mirrors.
+    /// Shades the ends of rays in packets, hands the packets over to be lit and sends on what mirrors.
     fn shade(
         &mut self,
         shader: &mut Shader,
-        rays: &[WeightedRay],
+        rays: &mut [WeightedRay],
         hits: &[Hit],
         sums: &mut [PixelSum],
         first_sample: bool,
     ) {
         let scene = self.view.scene;
         shader.sorter.sort(scene, hits);
-        let Shader { sorter, scratch, surfaces, arrived, points, samples, origins, .. } = shader;
+        let Shader { sorter, scratch, surfaces, points, samples, origins, .. } = shader;
         for packet in sorter.packets() {
-            scene.shade(&packet, |i| rays[i].arrival(&hits[i]), scratch, surfaces);
-            self.arrive(&packet, rays, hits, surfaces, (sums, first_sample), arrived);
-            if arrived.count > 0 {
+            let before = &*rays;
+            scene.shade(&packet, |i| before[i].arrival(&hits[i]), scratch, surfaces);
+            let count = self.arrive(&packet, rays, hits, surfaces, (sums, first_sample));
+            if count > 0 {
+                let arrived = Arrived { rays, lanes: &packet.hits[..count] };
                 self.lighting.packet(self.view, arrived, surfaces, sums);
                 if self.lighting.follows_mirrors() {
                     self.reflect(arrived, surfaces, (points, samples), origins);
@@ -278,23 +301,20 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         }
     }
 
-    /// What the surfaces of a packet add by themselves, and the rays whose light they scatter: of weight zero where
-    /// nothing is left to follow.
+    /// What the surfaces of a packet add by themselves. Rays go on with the weight of what is scattered, zero where nothing is
+    /// left to follow: those of lanes up to the returned number may carry something.
     fn arrive(
         &mut self,
         packet: &HitPacket<'_>,
-        rays: &[WeightedRay],
+        rays: &mut [WeightedRay],
         hits: &[Hit],
         surfaces: &Surfaces,
         (sums, first_sample): (&mut [PixelSum], bool),
-        arrived: &mut Arrived,
-    ) {
+    ) -> usize {
         let scene = self.view.scene;
-        arrived.rays.clear();
-        arrived.rays.extend(packet.hits.iter().map(|&index| rays[index as usize]));
-        arrived.count = 0;
-        for (lane, (ray, &index)) in arrived.rays.iter_mut().zip(packet.hits).enumerate() {
-            let hit = &hits[index as usize];
+        let mut count = 0;
+        for (lane, &index) in packet.hits.iter().enumerate() {
+            let (ray, hit) = (&mut rays[index as usize], &hits[index as usize]);
             let sum = &mut sums[ray.pixel as usize];
             sum.shaded += 1.0;
             let absorption = surfaces.absorption(lane);
@@ -333,36 +353,34 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             if ray.edges >= self.max_edges {
                 ray.weight = Vec3::ZERO;
             } else {
-                arrived.count = lane + 1;
+                count = lane + 1;
             }
         }
-        if surfaces.lobes().is_empty() {
-            arrived.count = 0;
-        }
+        if surfaces.lobes().is_empty() { 0 } else { count }
     }
 
     /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
     fn reflect(
         &mut self,
-        arrived: &Arrived,
+        arrived: Arrived<'_>,
         surfaces: &Surfaces,
         (points, samples): (&mut SamplePoints, &mut ScatteredPacket),
         origins: &mut Vectors,
     ) {
-        let Arrived { rays, count } = arrived;
+        let count = arrived.count();
         for (side, lobes) in SIDES.into_iter().enumerate() {
             let which = MIRRORS.among(lobes);
             if !surfaces.may_have(which) {
                 continue;
             }
-            for (lane, ray) in rays[..*count].iter().enumerate() {
+            for (lane, ray) in arrived.rays().enumerate() {
                 ray.ask(side as u32, lane, points);
             }
-            points.draw(self.view.scene.lane_mode(), *count);
+            points.draw(self.view.scene.lane_mode(), count);
             let [u, v, u_lobe, _] = &points.u;
-            surfaces.sample([u_lobe, u, v], which, *count, samples);
-            surfaces.spawn(&samples.wi, *count, origins);
-            for (lane, ray) in rays[..*count].iter().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
+            surfaces.sample([u_lobe, u, v], which, count, samples);
+            surfaces.spawn(&samples.wi, count, origins);
+            for (lane, ray) in arrived.rays().enumerate().filter(|&(lane, _)| samples.valid[lane]) {
                 self.send(WeightedRay {
                     ray: Ray::new(origins.get(lane), samples.wi.get(lane)).at_time(ray.ray.time),
                     cone: Cone { spread: ray.cone.spread + 0.5 * samples.alpha.0[lane], ..ray.cone },

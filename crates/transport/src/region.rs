@@ -4,8 +4,8 @@ use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::lanes::WIDTH;
 use heliostat_shading::{
-    CameraRays, Cone, PicturePoints, PixelFilter, Placement, RayPacket, SamplePoints, Sampler, ShadingScene,
-    Surfaces, halves,
+    CameraRays, Cone, PicturePoints, PixelFilter, Placement, RayPacket, SamplePoints, Sampler, Samplers,
+    ShadingScene, Surfaces, halves,
 };
 
 /// What is looked at, and from where.
@@ -85,19 +85,26 @@ impl Region {
 
     /// The pixels, first those of one tile of 16×16, then of the next; in a tile by blocks of 4×4, so that every 16 camera
     /// rays in a row form a narrow frustum.
-    pub fn pixels(self) -> impl Iterator<Item = (u32, u32)> {
-        let blocks = |edge: u32, x0: u32, y0: u32, width: u32, height: u32| {
-            (0..height).step_by(edge as usize).flat_map(move |y| {
-                (0..width)
-                    .step_by(edge as usize)
-                    .map(move |x| (x0 + x, y0 + y, edge.min(width - x), edge.min(height - y)))
-            })
-        };
-        blocks(Self::TILE, self.x, self.y, self.width, self.height)
-            .flat_map(move |(x, y, width, height)| blocks(4, x, y, width, height))
-            .flat_map(|(x, y, width, height)| {
-                (y..y + height).flat_map(move |y| (x..x + width).map(move |x| (x, y)))
-            })
+    pub fn pixels(self) -> Vec<(u32, u32)> {
+        // Nested loops, since nested iterators take longer than some renderers take for their pixels.
+        let mut pixels = Vec::with_capacity(self.area());
+        for tile in self.parts(Self::TILE) {
+            for block in tile.parts(4) {
+                for y in block.y..block.y + block.height {
+                    pixels.extend((block.x..block.x + block.width).map(|x| (x, y)));
+                }
+            }
+        }
+        pixels
+    }
+
+    /// Squares of some edge length, row by row; smaller at the right and at the bottom.
+    fn parts(self, edge: u32) -> impl Iterator<Item = Self> {
+        Self::cover_by(self.width, self.height, [edge; 2]).map(move |part| Self {
+            x: self.x + part.x,
+            y: self.y + part.y,
+            ..part
+        })
     }
 }
 
@@ -200,31 +207,25 @@ pub(crate) struct CameraSample {
 }
 
 /// The camera rays of one sample of all pixels of a region.
-fn camera_samples<Q: ?Sized>(
+fn camera_rays<Q: ?Sized, W: Walk>(
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
     sample: u32,
-) -> Vec<CameraSample> {
+) -> Vec<W::Ray> {
     let u_aligned = aligned_point(sample);
     let pinhole = view.camera.common_origin().is_some();
-    let mut samples = Vec::with_capacity(region.area());
+    let mut started = Vec::with_capacity(region.area());
     let (mut set, mut points) = (SamplePoints::default(), PicturePoints::default());
     let mut rays = RayPacket::default();
-    let pixels: Vec<(u32, u32)> = region.pixels().collect();
+    let pixels = region.pixels();
+    let samplers = Samplers::new(settings.frame, settings.seed, sample);
     for pixels in pixels.chunks(WIDTH) {
-        let first = samples.len();
+        let mut own = [Sampler::default(); WIDTH];
         for (lane, &(x, y)) in pixels.iter().enumerate() {
-            let sampler = Sampler::new(x, y, settings.frame, settings.seed, sample);
-            set.ask(lane, &sampler, 0);
-            points.time.0[lane] = if view.moving { sampler.time() } else { 0.0 };
-            let ray = Ray::new(Vec3::ZERO, Vec3::ZERO).at_time(points.time.0[lane]);
-            samples.push(CameraSample {
-                pixel: samples.len() as u32,
-                sampler,
-                ray,
-                cone: view.camera.cone(),
-            });
+            own[lane] = samplers.pixel(x, y);
+            set.ask(lane, &own[lane], 0);
+            points.time.0[lane] = if view.moving { own[lane].time() } else { 0.0 };
         }
         // Pinholes whose pixels all put their samples at the same place need no numbers.
         if !(settings.aligned && pinhole) {
@@ -238,29 +239,32 @@ fn camera_samples<Q: ?Sized>(
             (points.lens[0].0[lane], points.lens[1].0[lane]) = (u_lens.x, u_lens.y);
         }
         view.camera.rays(view.scene.lane_mode(), &points, pixels.len(), &mut rays);
-        for (lane, sample) in samples[first..].iter_mut().enumerate() {
-            (sample.ray.origin, sample.ray.direction) = (rays.origin.get(lane), rays.direction.get(lane));
+        for (lane, &sampler) in own[..pixels.len()].iter().enumerate() {
+            let ray = Ray::new(rays.origin.get(lane), rays.direction.get(lane));
+            let (pixel, cone) = (started.len() as u32, view.camera.cone());
+            let ray = ray.at_time(points.time.0[lane]);
+            started.push(W::start(&CameraSample { pixel, sampler, ray, cone }));
         }
     }
-    samples
+    started
 }
 
 /// What camera rays hit first.
-fn camera_hits<Q: RayQuery + ?Sized>(view: &View<'_, Q>, samples: &[CameraSample]) -> Vec<Hit> {
-    let mut hits = vec![Hit::MISS; samples.len()];
+fn camera_hits<Q: RayQuery + ?Sized, W: Walk>(view: &View<'_, Q>, rays: &[W::Ray]) -> Vec<Hit> {
+    let mut hits = vec![Hit::MISS; rays.len()];
     match view.camera.common_origin() {
         Some(origin) if !view.moving => {
             let mut tile = Tile::new(origin);
-            for (samples, hits) in samples.chunks(Tile::CAPACITY).zip(hits.chunks_mut(Tile::CAPACITY)) {
+            for (rays, hits) in rays.chunks(Tile::CAPACITY).zip(hits.chunks_mut(Tile::CAPACITY)) {
                 tile.restart(origin);
-                for sample in samples {
-                    tile.push(sample.ray.direction, f32::INFINITY);
+                for ray in rays {
+                    tile.push(W::ray(ray).direction, f32::INFINITY);
                 }
                 view.query.intersect_tile(&tile, hits);
             }
         }
         _ => {
-            let rays: Vec<Ray> = samples.iter().map(|s| s.ray).collect();
+            let rays: Vec<Ray> = rays.iter().map(W::ray).collect();
             view.query.intersect(&rays, &mut hits);
         }
     }
@@ -318,9 +322,8 @@ pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     sums: &mut [PixelSum],
 ) -> u64 {
     let mut traced = 0;
-    let camera = camera_samples(view, settings, region, sample);
-    let mut hits = camera_hits(view, &camera);
-    let mut current: Vec<W::Ray> = camera.iter().map(W::start).collect();
+    let mut current = camera_rays::<Q, W>(view, settings, region, sample);
+    let mut hits = camera_hits::<Q, W>(view, &current);
     while !current.is_empty() {
         traced += current.len() as u64;
         current = walk.step(current, &hits, sums, first);

@@ -14,7 +14,7 @@ mod vector;
 mod whole;
 
 pub use math::{cos_sin_turns, exp, exp2, log2, pow};
-pub use real::{LaneFn, Mask, Packet, Real};
+pub use real::{LaneFn, LanesFn, Mask, Packet, Real};
 pub use vector::Vector;
 pub use whole::{Whole, Wholes};
 

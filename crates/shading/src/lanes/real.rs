@@ -30,6 +30,40 @@ pub trait LaneFn<const I: usize, const O: usize> {
     fn at(&self, of: [f32; I]) -> [f32; O];
 }
 
+/// A function of lanes that is large and called from many places, and therefore compiled once for each instruction set.
+pub trait LanesFn<const I: usize, const O: usize> {
+    /// Its values; must be `#[inline(always)]`.
+    fn on<F: Real>(&self, of: [F; I]) -> [F; O];
+}
+
+/// See [`Real::call`].
+#[inline(never)]
+fn call_single<const I: usize, const O: usize>(f: &impl LanesFn<I, O>, of: [f32; I]) -> [f32; O] {
+    f.on(of)
+}
+
+/// See [`Real::call`].
+#[inline(never)]
+fn call_packet<S: Simd, const I: usize, const O: usize>(
+    token: S,
+    f: &impl LanesFn<I, O>,
+    inputs: &[Floats; I],
+    outputs: &mut [Floats; O],
+) {
+    token.vectorize(
+        #[inline(always)]
+        || {
+            let mut of = [<Packet<S> as SimdBase<S>>::splat(token, 0.0); I];
+            for (value, lanes) in of.iter_mut().zip(inputs) {
+                *value = Packet::load_array_ref(token, &lanes.0);
+            }
+            for (value, lanes) in f.on(of).iter().zip(outputs) {
+                value.store_array(&mut lanes.0);
+            }
+        },
+    );
+}
+
 /// Applies a function to every lane; compiled once for all instruction sets.
 #[inline(never)]
 fn each_lane<const I: usize, const O: usize>(
@@ -71,6 +105,10 @@ pub trait Real:
 
     /// Loads [`Self::LANES`] lanes from `lane` on.
     fn load(token: Self::Token, from: &Floats, lane: usize) -> Self;
+
+    /// A number for each of [`Self::LANES`] lanes from `lane` on, put together in registers: for numbers that lie apart or that
+    /// were just written one by one, which a wide load would have to wait for.
+    fn gather(token: Self::Token, lane: usize, from: impl Fn(usize) -> f32) -> Self;
 
     /// Stores [`Self::LANES`] lanes from `lane` on.
     fn store(self, to: &mut Floats, lane: usize);
@@ -125,6 +163,9 @@ pub trait Real:
 
     /// Applies a scalar function to every lane. For tables and textures: nothing else pays for leaving the registers.
     fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O];
+
+    /// Calls a function of lanes that is not to be compiled anew at every place where it is called.
+    fn call<const I: usize, const O: usize>(of: [Self; I], f: &impl LanesFn<I, O>) -> [Self; O];
 
     /// self > other
     #[inline(always)]
@@ -230,6 +271,11 @@ impl Real for f32 {
     }
 
     #[inline(always)]
+    fn gather((): (), lane: usize, from: impl Fn(usize) -> f32) -> Self {
+        from(lane)
+    }
+
+    #[inline(always)]
     fn store(self, to: &mut Floats, lane: usize) {
         to.0[lane] = self;
     }
@@ -306,6 +352,11 @@ impl Real for f32 {
     fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O] {
         f.at(of)
     }
+
+    #[inline(always)]
+    fn call<const I: usize, const O: usize>(of: [Self; I], f: &impl LanesFn<I, O>) -> [Self; O] {
+        call_single(f, of)
+    }
 }
 
 impl<S: Simd> Real for Packet<S> {
@@ -317,6 +368,15 @@ impl<S: Simd> Real for Packet<S> {
     #[inline(always)]
     fn load(token: S, from: &Floats, _: usize) -> Self {
         Self::load_array_ref(token, &from.0)
+    }
+
+    #[inline(always)]
+    fn gather(token: S, _: usize, from: impl Fn(usize) -> f32) -> Self {
+        let mut lanes = [0.0; WIDTH];
+        for (lane, value) in lanes.iter_mut().enumerate() {
+            *value = from(lane);
+        }
+        Self::load_array(token, lanes)
     }
 
     #[inline(always)]
@@ -397,18 +457,35 @@ impl<S: Simd> Real for Packet<S> {
     }
 
     #[inline(always)]
-    fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O] {
-        let token = Real::token(of[0]);
-        let mut inputs = [Floats::ZERO; I];
-        for (value, lanes) in of.iter().zip(&mut inputs) {
-            value.store_array(&mut lanes.0);
-        }
-        let mut outputs = [Floats::ZERO; O];
-        each_lane(f, &inputs, &mut outputs);
-        let mut result = [of[0]; O];
-        for (value, lanes) in result.iter_mut().zip(&outputs) {
-            *value = Self::load_array_ref(token, &lanes.0);
-        }
-        result
+    fn call<const I: usize, const O: usize>(of: [Self; I], f: &impl LanesFn<I, O>) -> [Self; O] {
+        let (inputs, mut outputs) = (stored(&of), [Floats::ZERO; O]);
+        call_packet(Real::token(of[0]), f, &inputs, &mut outputs);
+        loaded(of[0], &outputs)
     }
+
+    #[inline(always)]
+    fn each<const I: usize, const O: usize>(of: [Self; I], f: &impl LaneFn<I, O>) -> [Self; O] {
+        let (inputs, mut outputs) = (stored(&of), [Floats::ZERO; O]);
+        each_lane(f, &inputs, &mut outputs);
+        loaded(of[0], &outputs)
+    }
+}
+
+#[inline(always)]
+fn stored<S: Simd, const N: usize>(values: &[Packet<S>; N]) -> [Floats; N] {
+    let mut lanes = [Floats::ZERO; N];
+    for (value, lanes) in values.iter().zip(&mut lanes) {
+        value.store_array(&mut lanes.0);
+    }
+    lanes
+}
+
+/// Lanes in the registers that `like` is in.
+#[inline(always)]
+fn loaded<S: Simd, const N: usize>(like: Packet<S>, lanes: &[Floats; N]) -> [Packet<S>; N] {
+    let mut values = [like; N];
+    for (value, lanes) in values.iter_mut().zip(lanes) {
+        *value = Packet::load_array_ref(Real::token(like), &lanes.0);
+    }
+    values
 }

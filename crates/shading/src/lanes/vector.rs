@@ -44,6 +44,15 @@ impl<F: Real> Vector<F> {
         Self::new(F::load(token, &from.x, lane), F::load(token, &from.y, lane), F::load(token, &from.z, lane))
     }
 
+    /// A vector for each lane from `lane` on; see [`Real::gather`].
+    #[inline(always)]
+    pub fn gather(token: F::Token, lane: usize, from: impl Fn(usize) -> Vec3) -> Self {
+        let x = F::gather(token, lane, |lane| from(lane).x);
+        let y = F::gather(token, lane, |lane| from(lane).y);
+        let z = F::gather(token, lane, |lane| from(lane).z);
+        Self::new(x, y, z)
+    }
+
     /// Stores lanes from `lane` on.
     #[inline(always)]
     pub fn store(self, to: &mut Vectors, lane: usize) {
@@ -138,6 +147,13 @@ impl<F: Real> Vector<F> {
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         Self::new(self.x.max(other.x), self.y.max(other.y), self.z.max(other.z))
+    }
+
+    /// Where all components are zero.
+    #[inline(always)]
+    pub fn is_zero(self) -> F::Mask {
+        let zero = self.x.splat(0.0);
+        self.x.equals(zero) & self.y.equals(zero) & self.z.equals(zero)
     }
 
     /// Largest component.

@@ -22,6 +22,12 @@ pub trait Whole:
     /// Loads as many lanes from `lane` on.
     fn load(token: <Self::Real as Real>::Token, from: &Wholes, lane: usize) -> Self;
 
+    /// A number for as many lanes from `lane` on; see [`Real::gather`].
+    fn gather(token: <Self::Real as Real>::Token, lane: usize, from: impl Fn(usize) -> u32) -> Self;
+
+    /// Stores as many lanes from `lane` on.
+    fn store(self, to: &mut Wholes, lane: usize);
+
     /// All lanes alike, in the registers that `self` is in.
     fn splat(self, value: u32) -> Self;
 
@@ -86,6 +92,16 @@ impl Whole for u32 {
     }
 
     #[inline(always)]
+    fn gather((): (), lane: usize, from: impl Fn(usize) -> u32) -> Self {
+        from(lane)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut Wholes, lane: usize) {
+        to.0[lane] = self;
+    }
+
+    #[inline(always)]
     fn splat(self, value: u32) -> Self {
         value
     }
@@ -142,6 +158,20 @@ impl<S: Simd> Whole for u32x16<S> {
     #[inline(always)]
     fn load(token: S, from: &Wholes, _: usize) -> Self {
         Self::load_array_ref(token, &from.0)
+    }
+
+    #[inline(always)]
+    fn gather(token: S, _: usize, from: impl Fn(usize) -> u32) -> Self {
+        let mut lanes = [0; WIDTH];
+        for (lane, value) in lanes.iter_mut().enumerate() {
+            *value = from(lane);
+        }
+        Self::load_array(token, lanes)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut Wholes, _: usize) {
+        self.store_array(&mut to.0);
     }
 
     #[inline(always)]

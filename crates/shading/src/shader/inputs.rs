@@ -2,9 +2,10 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::lanes::{LaneFn, Real, Vector, Vectors};
+use crate::lanes::{Real, Vector, Vectors};
 use crate::material::{Slot, TextureCoordinates};
 use crate::point::Points;
+use crate::texture::Footprint;
 
 /// Where a parameter's value comes from.
 #[derive(Clone, Debug)]
@@ -45,11 +46,10 @@ impl Input {
     /// The value, and the texture's alpha, at texture coordinates other than those of the point, filtered over `width` of
     /// them. Anything that is not finite counts as 0.
     pub fn sample(&self, uv: Vec2, width: f32) -> Vec4 {
-        let texel = self
-            .texture
-            .as_ref()
-            .map_or(Vec4::ONE, |slot| LaneFn::<3, 4>::at(slot, [uv.x, uv.y, width.log2()]).into());
-        self.factor.extend(1.0) * texel
+        let Some(slot) = &self.texture else { return self.factor.extend(1.0) };
+        let square = Footprint { uv: uv.to_array(), lod: width.log2(), along: [0.0; 2], probes: 1.0 };
+        let texel = slot.filtered::<f32>(square);
+        (self.factor * Vec3::from(texel.rgb)).extend(texel.a)
     }
 }
 

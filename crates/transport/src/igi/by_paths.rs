@@ -61,11 +61,11 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
         0
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(&mut self, _: &View<'_, Q>, arrived: Arrived<'_>, surfaces: &Surfaces, _: &mut [PixelSum]) {
         if !surfaces.may_have(DULL) {
             return;
         }
-        for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
+        for (lane, ray) in arrived.rays().enumerate() {
             let surface = surfaces.lane(lane);
             let dull = Vec3::from(surface.bsdf.albedo_of(DULL));
             if ray.weight == Vec3::ZERO || dull == Vec3::ZERO {

@@ -395,7 +395,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         usize::from(self.groups[pixel as usize])
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: &Arrived, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(&mut self, _: &View<'_, Q>, arrived: Arrived<'_>, surfaces: &Surfaces, _: &mut [PixelSum]) {
         if !surfaces.may_have(DULL) {
             return;
         }
@@ -405,17 +405,16 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         let block = &mut self.blocks[self.used];
         self.used += 1;
         block.surfaces.clone_from(surfaces);
-        block.count = arrived.count;
+        block.count = arrived.count();
         block.surfaces.albedo_of(DULL, block.count, &mut block.dull_albedo);
-        for (lane, ray) in arrived.rays[..arrived.count].iter().enumerate() {
+        for (lane, ray) in arrived.rays().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
         }
-        let alive =
-            arrived.rays[..arrived.count].iter().enumerate().filter(|(_, ray)| ray.weight != Vec3::ZERO);
+        let alive = arrived.rays().enumerate().filter(|(_, ray)| ray.weight != Vec3::ZERO);
         (block.alive, block.most_edges) =
             alive.fold((0, 0), |(alive, edges), (lane, ray)| (alive | 1 << lane, edges.max(ray.edges)));
-        let group = usize::from(self.groups[arrived.rays[0].pixel as usize]);
+        let group = usize::from(self.groups[arrived.ray(0).pixel as usize]);
         block.point = self.vpls.points[group];
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }

@@ -242,7 +242,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             return (walk.lighting.gathered, traced);
         }
         let [n, m] = self.igi.interleave;
-        let groups: Vec<u8> = region.pixels().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
+        let groups: Vec<u8> = region.pixels().into_iter().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
         let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
         let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
