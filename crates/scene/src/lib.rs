@@ -25,6 +25,7 @@
 #![forbid(unsafe_code)]
 
 mod apply;
+mod attribute;
 mod backend;
 mod builder;
 mod camera;
@@ -45,6 +46,7 @@ mod texture;
 mod timeline;
 
 pub use apply::Applied;
+pub use attribute::{Attribute, AttributeScope, AttributeValues, Attributes};
 pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection, Stereo, StereoView};

@@ -48,6 +48,7 @@ impl Points {
         reached: &[Reached<'a>],
         triangles: &mut Triangles,
     ) {
+        self.read_attributes(material, reached);
         let first = reached.first().map(|(_, placement, _)| *placement);
         let is_first = |first| reached.iter().all(|(_, placement, _)| std::ptr::eq(*placement, first));
         let shared = first.filter(|&first| first.motion.is_none() && is_first(first));

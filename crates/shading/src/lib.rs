@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod albedo;
+mod attribute;
 mod basis;
 mod bsdf;
 mod camera;

@@ -49,6 +49,8 @@ pub struct Points {
     pub object_from_world: [Vectors; 3],
     /// Axes of tangent space for the normal map and for the coat's; zero where there are none.
     pub tangents: [[Vectors; 2]; 2],
+    /// Values of the parameters that take them from attributes, for materials whose shader has such.
+    pub attributes: Vec<Vectors>,
 }
 
 /// Squares side by side that cover a long footprint.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, PathId, Ray, SeeThrough};
-use heliostat_scene::{Light, SceneBounds};
+use heliostat_scene::{Attributes, GeometryId, Light, MaterialId, SceneBounds};
 
 use crate::camera::Cone;
 use crate::emission::{EmittedRay, Source};
@@ -101,6 +101,42 @@ impl ShadingScene {
     /// Replaces the parts of an object by others of the same materials: its shapes changed.
     pub fn reshape(&mut self, object: u32, parts: Arc<[ShadedPart]>) {
         self.parts[object as usize] = parts;
+    }
+
+    /// Replaces the attributes of a geometry in an object, by its place in the table of parts.
+    pub fn set_attributes(&mut self, object: u32, geometry: GeometryId, attributes: &Arc<Attributes>) {
+        let parts = Arc::make_mut(&mut self.parts[object as usize]);
+        for part in parts.iter_mut().filter(|part| part.geometry == geometry) {
+            part.attributes = attributes.clone();
+        }
+    }
+
+    /// What parameters of shaders take from attributes that geometries lack, where `of` looks at a geometry with a material:
+    /// a sentence for each parameter.
+    pub fn missing_attributes(&self, of: impl Fn(MaterialId, GeometryId) -> bool) -> Vec<String> {
+        let mut problems = Vec::new();
+        for (index, material) in self.materials.iter().enumerate() {
+            for input in material.attribute_inputs() {
+                let lacks = |part: &&ShadedPart| {
+                    part.material as usize == index
+                        && of(material.id, part.geometry)
+                        && !part.attributes.contains_key(&input.name)
+                };
+                let mut lacking: Vec<GeometryId> = self
+                    .parts
+                    .iter()
+                    .flat_map(|parts| parts.iter())
+                    .filter(lacks)
+                    .map(|p| p.geometry)
+                    .collect();
+                lacking.sort_unstable();
+                lacking.dedup();
+                if let Some(first) = lacking.first() {
+                    problems.push(input.missing(&material.source().name, *first, lacking.len() - 1));
+                }
+            }
+        }
+        problems
     }
 
     /// Replaces materials, by their index.

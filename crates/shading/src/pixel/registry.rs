@@ -90,8 +90,10 @@ impl PixelRegistry {
             let value = match value {
                 ParameterValue::Float(value) => Vec3::splat(*value),
                 ParameterValue::Vector(value) => *value,
-                ParameterValue::Texture(..) => {
-                    return problem(format!("`{parameter}` of pixel shader `{name}` cannot be a texture"));
+                ParameterValue::Texture(..) | ParameterValue::Attribute(..) => {
+                    return problem(format!(
+                        "`{parameter}` of pixel shader `{name}` cannot be a texture or an attribute"
+                    ));
                 }
             };
             let described = &info.parameters[place];

@@ -22,6 +22,7 @@ use crate::surface::LaneMode;
 
 pub(crate) use builtin::cube_helix;
 pub use builtin::heat_color;
+pub(crate) use inputs::InputSource;
 pub use inputs::{Input, Inputs};
 pub(crate) use registry::Bound;
 pub use registry::{PluginSource, ShaderProblem, ShaderRegistry};

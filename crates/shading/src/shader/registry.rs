@@ -8,8 +8,10 @@ use heliostat_scene::{ParameterValue, ShaderRef, ShaderUse, TextureId};
 
 use super::builtin;
 use super::{
-    Input, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, SurfaceProgram, SurfaceShader,
+    Input, InputSource, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, SurfaceProgram,
+    SurfaceShader,
 };
+use crate::attribute::AttributeInput;
 use crate::closure::Closure;
 use crate::lanes::{Real, Vector};
 use crate::lobe_set::Lobes;
@@ -144,19 +146,26 @@ fn inputs(
     wanted: &ShaderUse,
     textures: &BTreeMap<TextureId, Arc<MipMap>>,
 ) -> Vec<Input> {
+    let mut slots = 0_usize..;
     let input = |parameter: &Parameter| {
-        let (value, texture) = match wanted.parameters.get(&parameter.name) {
-            None => (parameter.default.into(), None),
-            Some(ParameterValue::Float(value)) => (glam::Vec3::splat(*value), None),
-            Some(ParameterValue::Vector(value)) => (*value, None),
+        let constant = InputSource::Constant;
+        let (value, source) = match wanted.parameters.get(&parameter.name) {
+            None => (parameter.default.into(), constant),
+            Some(ParameterValue::Float(value)) => (glam::Vec3::splat(*value), constant),
+            Some(ParameterValue::Vector(value)) => (*value, constant),
             Some(ParameterValue::Texture(reference, factor)) => {
                 let map = textures.get(&reference.texture).cloned();
-                (*factor, map.map(|map| Slot::new(map, *reference)))
+                (*factor, map.map_or(constant, |map| InputSource::Texture(Slot::new(map, *reference))))
+            }
+            Some(ParameterValue::Attribute(name, factor)) => {
+                let slot = slots.next().unwrap_or_default();
+                let attribute = AttributeInput::new(parameter, name, *factor, slot);
+                return Input { factor: *factor, source: InputSource::Attribute(attribute) };
             }
         };
         let value = if parameter.kind == ParameterKind::Float { glam::Vec3::splat(value.x) } else { value };
         let [low, high] = parameter.range.map(glam::Vec3::splat);
-        Input { factor: value.max(low).min(high), texture }
+        Input { factor: value.max(low).min(high), source }
     };
     parameters.iter().map(input).collect()
 }
