@@ -336,7 +336,10 @@ impl Backend for Engine {
             self.overridden = request.materials.clone();
             history.iter_mut().for_each(History::distrust);
         }
+        let camera = CameraRays::new(&request.camera, request.width, request.height);
+        self.compiled.set_viewer(&request.materials, Some(camera.viewer()));
         let stats = self.render_frame(request, renderer, &film, &mut history, progress);
+        self.compiled.set_viewer(&request.materials, None);
         self.history = history;
         let mut frame = film.finish();
         let stats = match stats {
@@ -346,7 +349,6 @@ impl Backend for Engine {
                 return Err(error);
             }
         };
-        let camera = CameraRays::new(&request.camera, request.width, request.height);
         self.pool.install(|| {
             post::count_visits(&mut frame, self.compiled.world(), &camera);
             post::shade(&mut frame, &pixel_shaders, self.options.lanes);

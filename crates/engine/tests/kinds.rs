@@ -162,3 +162,61 @@ fn pixel_shaders_change_the_picture_and_leave_the_planes() {
     let refused = engine.render(&unknown, &Progress::new());
     assert!(matches!(refused, Err(BackendError::Request(text)) if text.contains("`sepia`")));
 }
+
+#[test]
+fn toon_bands_follow_the_camera_in_mirrors_too() {
+    let mut scene = SceneBuilder::new();
+    let shaded =
+        |name: &str| Material { shader: Some(Arc::new(ShaderUse::named(name))), ..Material::default() };
+    let toon = scene.material(shaded("toon"));
+    let mirror = scene.material(Material {
+        shader: Some(Arc::new(ShaderUse::named("mirror").with("tint", Vec3::ONE))),
+        ..Material::default()
+    });
+    let wall = scene.mesh(Mesh::quad(Vec3::new(-4.0, -4.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0));
+    let side = scene.mesh(Mesh::quad(Vec3::new(1.0, -3.0, 0.0), Vec3::Z * 4.0, Vec3::Y * 6.0));
+    let object = scene.object("corner", [(wall, toon), (side, mirror)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    // Straight onto the wall, along the mirror: the wall shines as its colour.
+    let kind = LightKind::Directional { direction: Vec3::NEG_Z, irradiance: Vec3::splat(PI) };
+    scene.light(Light { name: "sun".into(), kind });
+    let mut engine = engine(&scene.finish());
+    let eye = Vec3::new(-0.5, 0.2, 1.5);
+    let camera = Camera::look_at("", eye, Vec3::new(0.8, 0.0, 0.0), Vec3::Y, 1.6);
+    let planes = vec![Plane::Position, Plane::MaterialId];
+    let request = FrameRequest { samples: 1, planes, ..FrameRequest::new(camera, 64, 48) };
+    let frame = render(&mut engine, &FrameRequest { renderer: "direct".into(), ..request });
+    // The default bands, and how far the nearest border between them is.
+    let (lit, shade) = (Vec3::new(0.95, 0.55, 0.12), Vec3::new(0.32, 0.06, 0.10));
+    let bands = |at: Vec3, from: Vec3| {
+        let facing = (from - at).normalize().z.abs();
+        let border = ((4.0 * facing).round() - 4.0 * facing).abs().min((facing - 0.3).abs());
+        let band = (4.0 * facing).floor().min(3.0) / 3.0;
+        (if facing < 0.3 { Vec3::new(0.01, 0.01, 0.015) } else { shade.lerp(lit, band) }, border)
+    };
+    let (mut direct, mut mirrored, mut other) = (0, 0, 0);
+    for (i, color) in frame.color.iter().enumerate() {
+        let at = Vec3::from_slice(&frame.planes[0].values[3 * i..]);
+        let material = frame.planes[1].values[i];
+        if material == 0.0 {
+            continue;
+        }
+        let (mut on_wall, image) = (at, Vec3::new(2.0 - eye.x, eye.y, eye.z));
+        if material == 2.0 {
+            let way = (at - eye) * Vec3::new(-1.0, 1.0, 1.0);
+            on_wall = at - way * (at.z / way.z);
+            if way.z >= 0.0 || on_wall.abs().max_element() > 3.9 {
+                continue;
+            }
+        }
+        let (expected, border) = bands(on_wall, eye);
+        let (as_mirrored, _) = bands(on_wall, image);
+        if border > 1e-3 {
+            assert!(color.distance(expected) < 2e-3, "pixel {i}: {color} instead of {expected}");
+            *(if material == 2.0 { &mut mirrored } else { &mut direct }) += 1;
+            other += usize::from(material == 2.0 && as_mirrored != expected);
+        }
+    }
+    let enough = direct > 300 && mirrored > 300 && other > 100;
+    assert!(enough, "{direct} pixels of the wall, {mirrored} in the mirror, {other} unlike the image's");
+}

@@ -48,7 +48,7 @@ pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket};
+pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket, Viewer};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;

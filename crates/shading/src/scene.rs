@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, PathId, Ray, SeeThrough};
 use heliostat_scene::{Attributes, GeometryId, Light, MaterialId, SceneBounds};
 
-use crate::camera::Cone;
+use crate::camera::{Cone, Viewer};
 use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
 use crate::gather::Reached;
@@ -36,6 +36,7 @@ pub struct ShadingScene {
     /// For each object the geometries that let light straight through, as [`SeeThrough`] tells them; empty if none does.
     see_through: Vec<Box<[u64]>>,
     mode: LaneMode,
+    viewer: Option<Viewer>,
     bounds: Option<SceneBounds>,
 }
 
@@ -73,6 +74,11 @@ impl ShadingScene {
     /// Chooses how shaders run; the default is packets of the best instruction set. No result depends on it.
     pub fn set_lane_mode(&mut self, mode: LaneMode) {
         self.mode = mode;
+    }
+
+    /// Says from where the frame is seen that is about to be made; `None` for what is no frame.
+    pub fn set_viewer(&mut self, viewer: Option<Viewer>) {
+        self.viewer = viewer;
     }
 
     /// How shaders run.
@@ -238,6 +244,7 @@ impl ShadingScene {
         for (reached, &index) in reached.iter_mut().zip(packet.hits).skip(1) {
             *reached = self.reached(along(index as usize));
         }
+        scratch.points.viewer = self.viewer;
         scratch.points.gather(self.mode, material, &reached[..packet.hits.len()], &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
@@ -254,6 +261,7 @@ impl ShadingScene {
         let mut surfaces = Surfaces::default();
         let material = self.part(hit).2;
         let reached = [self.reached(Arrival { hit, ray, cone, level: 1 })];
+        scratch.points.viewer = self.viewer;
         scratch.points.gather(LaneMode::Single, material, &reached, &mut scratch.triangles);
         shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
         surfaces.lane(0)

@@ -19,7 +19,9 @@ use heliostat_scene::{
     Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
     Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
 };
-use heliostat_shading::{EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene};
+use heliostat_shading::{
+    EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene, Viewer,
+};
 use rayon::prelude::*;
 
 use self::changes::{Cause, Changes};
@@ -128,6 +130,15 @@ impl Compiled {
             Some((made_for, tables)) if made_for == materials => tables,
             _ => &self.shading,
         }
+    }
+
+    /// Says from where the next frame is seen; `None` when it is made.
+    pub(crate) fn set_viewer(&mut self, materials: &MaterialOverride, viewer: Option<Viewer>) {
+        let tables = match &mut self.overridden {
+            Some((made_for, tables)) if made_for == materials => tables,
+            _ => &mut self.shading,
+        };
+        tables.set_viewer(viewer);
     }
 
     /// Brings everything up to date with a scene to which `edits` have just been applied.

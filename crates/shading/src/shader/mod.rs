@@ -94,8 +94,11 @@ pub struct Point<F: Real> {
     pub object_position: Vector<F>,
     /// Unit geometric normal in world space, on the front side.
     pub ng: Vector<F>,
-    /// Unit vector towards the viewer, world space.
+    /// Unit vector towards where the ray came from, world space.
     pub wo: Vector<F>,
+    /// Unit vector towards the camera of the frame, world space, whatever ray arrived: the same for light and in mirrors.
+    /// Where there is no frame, as when lamps are measured, it is `wo`.
+    pub eye: Vector<F>,
     /// Whether the viewer sees the front.
     pub front: F::Mask,
     /// First set of texture coordinates.
