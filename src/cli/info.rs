@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use heliostat::formats::Severity;
 use heliostat::grouping::{GroupingOptions, GroupingSummary, group};
 use heliostat::scene::{
-    AttributeScope, AttributeValues, Camera, Clip, Environment, LightKind, Projection, Scene, Target,
+    AttributeScope, AttributeValues, Camera, Clip, Environment, LightKind, Projection, Scene, ShaderRef,
+    Target,
 };
 use serde_json::{Value, json};
 
@@ -165,7 +166,7 @@ fn table(scene: &Scene, source: &Source) -> String {
         None => "bounds        none: nothing is visible".into(),
     });
     for ((name, kind), count) in attributes(scene) {
-        lines.push(format!("attribute     {}, {kind}, of {count} geometries", quoted(name)));
+        lines.push(format!("attribute     {}, {kind}; geometries: {count}", quoted(name)));
     }
     for (i, camera) in scene.cameras().values().enumerate() {
         let eye = point(camera.world_from_camera.translation.into());
@@ -245,5 +246,9 @@ fn environment(environment: &Environment) -> String {
         Environment::Gradient(_) => "gradient".into(),
         Environment::Sky(sky) => format!("clear sky of turbidity {}", sky.turbidity),
         Environment::Map(map) => format!("map {}×{}", map.image.width, map.image.height),
+        Environment::Shader(shaded) => match &shaded.shader.shader {
+            ShaderRef::Named(name) => format!("shader {}", quoted(name)),
+            ShaderRef::Plugin { shader, .. } => format!("shader {} of a plug-in", quoted(shader)),
+        },
     }
 }

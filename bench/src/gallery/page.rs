@@ -25,7 +25,7 @@ Colours are linear Rec. 709. All pictures show a ball of 24 cm on a block of the
 ";
 
 /// Stands after the head.
-const ATTRIBUTES: &str = r#"
+const SECTIONS: &str = r#"
 ## Parameters per object, primitive and vertex
 
 A parameter can be an *attribute*: a named quantity of a geometry, numbers or vectors, times a factor. It holds one value for
@@ -49,6 +49,14 @@ glTF files bring attributes whose names begin with `_` (SCALAR and VEC3); a shad
 nothing else under its name, and those of faces as `face_NAME`, with `face_color` from `red green blue`. `heliostat info` lists
 what there is, and `heliostat render scan.ply --materials lambert:diffuse=@quality*0.01` shows it. Plug-ins get the values like all
 others.
+
+## Shaders of your own
+
+A program adds surface shaders by `ShaderRegistry::register` and environment shaders, which say how much light comes from a
+direction outside the scene, by `ShaderRegistry::register_environment`; `Engine::with_shaders` takes the registry. Both are small
+Rust traits over lanes with named parameters, `SurfaceShader` and `EnvironmentShader`. `Environment::Shader` names the latter with
+its parameters: rays that leave the scene ask the shader itself, and light sampling draws directions from a table of it, 512 by
+256, which changes of its parameters make anew. Surface shaders can also come from [plug-ins](plugins.md).
 "#;
 
 const PIXEL_HEAD: &str = "# Pixel shaders
@@ -69,7 +77,7 @@ Programs add their own: a `PixelShader` is a Rust trait over lanes (`heliostat::
 
 /// The whole page of surface shaders.
 pub(super) fn surfaces(registry: &ShaderRegistry) -> String {
-    let mut page = [HEAD, ATTRIBUTES].concat();
+    let mut page = [HEAD, SECTIONS].concat();
     for program in registry.programs().values() {
         let info = program.info();
         section(&mut page, "shaders", (&info.name, &info.about), &info.parameters);

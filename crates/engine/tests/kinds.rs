@@ -7,8 +7,11 @@ use glam::{Affine3A, Mat3, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
     Backend, BackendError, Camera, Edit, Environment, Frame, FrameRequest, Gradient, Image, Light, LightKind,
-    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShaderUse, Sky,
+    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShadedEnvironment,
+    ShaderUse, Sky,
 };
+use heliostat_shading::lanes::{Real, Vector};
+use heliostat_shading::{Constants, EnvironmentInfo, EnvironmentShader, Parameter, ShaderRegistry};
 
 const ALBEDO: f32 = 0.5;
 
@@ -219,4 +222,53 @@ fn toon_bands_follow_the_camera_in_mirrors_too() {
     }
     let enough = direct > 300 && mirrored > 300 && other > 100;
     assert!(enough, "{direct} pixels of the wall, {mirrored} in the mirror, {other} unlike the image's");
+}
+
+/// Light from above that grows with the square of the height.
+#[derive(Debug)]
+struct Zenith;
+
+impl EnvironmentShader for Zenith {
+    fn info(&self) -> EnvironmentInfo {
+        let tint = Parameter::color("tint", [1.0; 3], "straight up");
+        EnvironmentInfo { name: "zenith".into(), about: String::new(), parameters: vec![tint] }
+    }
+
+    #[inline(always)]
+    fn radiance<F: Real>(&self, direction: Vector<F>, values: &Constants<'_, F>) -> Vector<F> {
+        let up = direction.y.max(direction.y.splat(0.0));
+        values.vector(0) * (up * up)
+    }
+}
+
+#[test]
+fn environments_can_be_shaders_of_the_program() {
+    let mut shaders = ShaderRegistry::built_in();
+    shaders.register_environment(Zenith);
+    let mut lit = Engine::with_shaders(EngineOptions::default(), shaders).unwrap();
+    lit.apply(&floor(None, Environment::None).scene().to_edits(), &Progress::new()).unwrap();
+    let around = |shader: ShaderUse| Edit::Environment(Environment::Shader(ShadedEnvironment::new(shader)));
+    for tint in [Vec3::ONE, Vec3::new(0.5, 0.25, 1.0)] {
+        let edit = around(ShaderUse::named("zenith").with("tint", tint));
+        let report = lit.apply(&[edit], &Progress::new()).unwrap();
+        let rebuilt: Vec<&str> = report.rebuilt.iter().map(|rebuilt| rebuilt.what.as_str()).collect();
+        assert_eq!((rebuilt, report.problems), (vec!["environment sampling table"], Vec::new()));
+        // ∫ cos² θ cos θ dω over the upper half is π/2.
+        let expected = tint * ALBEDO * 0.5;
+        for (renderer, samples) in [("path", 64), ("direct", 64), ("igi", 64)] {
+            let frame = render(&mut lit, &from_above(renderer, samples));
+            let mean = frame.color.iter().sum::<Vec3>() / frame.color.len() as f32;
+            // Sixty-five thousand samples, and those of igi are shared.
+            let error = mean.distance(expected) / expected.length();
+            assert!(error < 0.01, "{renderer}: {mean} instead of {expected}");
+        }
+        // Seen past the floor, it is as the shader says.
+        let mut up = Camera::look_at("", Vec3::Y, Vec3::Y * 2.0, Vec3::Z, 1.0);
+        up.projection = Projection::Orthographic { height: 1.0 };
+        let sky = render(&mut lit, &FrameRequest { samples: 1, ..FrameRequest::new(up, 4, 4) });
+        assert!(sky.color.iter().all(|color| color.distance(tint) < 1e-6), "{:?}", sky.color[0]);
+    }
+    let report = lit.apply(&[around(ShaderUse::named("nadir"))], &Progress::new()).unwrap();
+    let [problem] = &report.problems[..] else { panic!("one problem: {:?}", report.problems) };
+    assert!(problem.contains("no environment shader `nadir`; there are: zenith"), "{problem}");
 }

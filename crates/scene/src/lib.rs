@@ -51,7 +51,7 @@ pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, Reb
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection, Stereo, StereoView};
 pub use edit::{Edit, EditError, Target};
-pub use environment::{Environment, EnvironmentMap, Gradient, Sky};
+pub use environment::{Environment, EnvironmentMap, Gradient, ShadedEnvironment, Sky};
 pub use frame::{Filter, Frame, FrameRequest, FrameStats, IgiOptions, MaterialOverride, Plane, PlaneData};
 pub use geometry::{Geometry, Mesh};
 pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId, TextureId};

@@ -16,8 +16,9 @@ use std::time::Instant;
 use heliostat_kernel as kernel;
 use heliostat_kernel::World;
 use heliostat_scene::{
-    Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
-    Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
+    Applied, ApplyReport, BackendError, Edit, Environment, GeometryId, InstanceId, MaterialId,
+    MaterialOverride, ObjectId, Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target,
+    TextureId,
 };
 use heliostat_shading::{
     EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene, Viewer,
@@ -168,7 +169,7 @@ impl Compiled {
         let textures = stage_textures(scene, &changes, progress, &mut report)?;
         let environment = changes.environment.then(|| {
             let start = Instant::now();
-            let light = Arc::new(EnvironmentLight::new(scene.environment()));
+            let light = Arc::new(self.environment_light(scene.environment(), &mut report));
             let cause = (Target::Environment, RebuildReason::Changed);
             note(&mut report, "environment sampling table".into(), cause, RebuildKind::Built, 1, start);
             light
@@ -177,6 +178,15 @@ impl Compiled {
             return Err(BackendError::Cancelled);
         }
         Ok(Staged { changes, textures, work, trees, environment, report })
+    }
+
+    /// The environment made ready; a placeholder, and a problem, for a shader that there is not.
+    fn environment_light(&self, environment: &Environment, report: &mut ApplyReport) -> EnvironmentLight {
+        let Environment::Shader(shaded) = environment else { return EnvironmentLight::new(environment) };
+        self.shaders.environment(shaded).unwrap_or_else(|problem| {
+            report.problems.push(format!("the environment: {}; a placeholder takes its place", problem.0));
+            EnvironmentLight::new(environment)
+        })
     }
 
     fn commit(&mut self, scene: &Scene, edits: &[Edit], staged: Staged) -> Result<ApplyReport, BackendError> {

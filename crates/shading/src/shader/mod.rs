@@ -4,6 +4,7 @@
 //! [`SurfaceProgram`], which works on packets in memory; plug-ins implement the same interface from outside.
 
 mod builtin;
+mod constants;
 mod inputs;
 mod registry;
 #[cfg(test)]
@@ -22,6 +23,8 @@ use crate::surface::LaneMode;
 
 pub(crate) use builtin::cube_helix;
 pub use builtin::heat_color;
+pub use constants::Constants;
+pub(crate) use constants::constants;
 pub(crate) use inputs::InputSource;
 pub use inputs::{Input, Inputs};
 pub(crate) use registry::Bound;
