@@ -55,9 +55,9 @@ typedef struct HeliostatParameter {
 
 // What a parameter is set to in one material.
 typedef struct HeliostatConstant {
-    // The value, or what the texture is multiplied by; three equal components for numbers.
+    // The value, or what the texture or the attribute is multiplied by; three equal components for numbers.
     float value[3];
-    // 1 if a texture makes it vary from point to point, else 0.
+    // 1 if a texture or an attribute makes it vary from point to point, else 0.
     uint32_t textured;
 } HeliostatConstant;
 

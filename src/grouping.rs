@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use heliostat_scene::{
-    Edit, Geometry, GeometryId, Instance, InstanceId, Mesh, Object, ObjectId, Part, Scene, Target, Timeline,
+    Attributes, Edit, Geometry, GeometryId, Instance, InstanceId, Mesh, Object, ObjectId, Part, Scene,
+    Target, Timeline,
 };
 
 /// How far [`group`] goes.
@@ -96,6 +97,8 @@ struct Pass<'a> {
     next_object: u32,
     next_instance: u32,
     geometries: BTreeMap<GeometryId, Geometry>,
+    /// Of `geometries`.
+    attributes: BTreeMap<GeometryId, Arc<Attributes>>,
     objects: BTreeMap<ObjectId, Object>,
     instances: BTreeMap<InstanceId, Instance>,
     summary: GroupingSummary,
@@ -161,6 +164,7 @@ impl<'a> Pass<'a> {
             next_object: after(scene.objects(), |id| id.0),
             next_instance: after(scene.instances(), |id| id.0),
             geometries: BTreeMap::new(),
+            attributes: BTreeMap::new(),
             objects: BTreeMap::new(),
             instances: BTreeMap::new(),
             moving,
@@ -252,9 +256,7 @@ impl<'a> Pass<'a> {
         }
         self.summary.merged_objects += usize::from(!merged.is_empty());
         for part in &own.parts {
-            self.geometries
-                .entry(part.geometry)
-                .or_insert_with(|| scene.geometries()[&part.geometry].clone());
+            self.put(part.geometry, part.geometry, scene.geometries()[&part.geometry].clone());
         }
         match frame {
             // What deforms is rebuilt often: it does not take the rest along.
@@ -303,19 +305,34 @@ impl<'a> Pass<'a> {
         let Some(mesh) = geometry.as_mesh() else { return id };
         self.summary.merged_triangles += mesh.indices.len() as u64;
         if *frame_from_object == Affine3A::IDENTITY {
-            self.geometries.insert(id, geometry.clone());
+            self.put(id, id, geometry.clone());
             return id;
         }
-        let id = GeometryId(take(&mut self.next_geometry));
-        self.geometries.insert(id, Geometry::Mesh(Arc::new(transformed(mesh, frame_from_object))));
-        id
+        let baked = GeometryId(take(&mut self.next_geometry));
+        self.put(baked, id, Geometry::Mesh(Arc::new(transformed(mesh, frame_from_object))));
+        baked
+    }
+
+    /// Puts a geometry that is made of another, with the attributes of that.
+    fn put(&mut self, id: GeometryId, of: GeometryId, geometry: Geometry) {
+        self.geometries.insert(id, geometry);
+        if let Some(attributes) = self.scene.attributes().get(&of) {
+            self.attributes.insert(id, attributes.clone());
+        }
     }
 
     fn finish(mut self) -> Grouped {
         self.summary.instances_after = self.instances.len();
-        let keep = |edit: &Edit| !matches!(edit, Edit::Geometry(..) | Edit::Object(..) | Edit::Instance(..));
+        let keep = |edit: &Edit| {
+            let shape = matches!(edit, Edit::Geometry(..) | Edit::Attribute(..));
+            !shape && !matches!(edit, Edit::Object(..) | Edit::Instance(..))
+        };
         let mut edits: Vec<Edit> = self.scene.to_edits().into_iter().filter(keep).collect();
         edits.extend(self.geometries.into_iter().map(|(id, geometry)| Edit::Geometry(id, geometry)));
+        for (id, attributes) in self.attributes {
+            let named = attributes.iter().map(|(name, it)| Edit::Attribute(id, name.clone(), it.clone()));
+            edits.extend(named);
+        }
         edits.extend(self.objects.into_iter().map(|(id, object)| Edit::Object(id, object)));
         edits.extend(self.instances.into_iter().map(|(id, instance)| Edit::Instance(id, instance)));
         Grouped { edits, summary: self.summary }
@@ -366,7 +383,8 @@ mod tests {
     use glam::{Quat, Vec2, Vec4};
     use heliostat_engine::{Engine, EngineOptions};
     use heliostat_scene::{
-        Backend, Camera, Clip, FrameRequest, Material, Motion, Plane, PlaneData, Pose, Progress, SceneBuilder,
+        Attribute, AttributeScope, Backend, Camera, Clip, FrameRequest, Material, Motion, ParameterValue,
+        Plane, PlaneData, Pose, Progress, SceneBuilder, ShaderUse,
     };
 
     use super::*;
@@ -414,9 +432,13 @@ mod tests {
     /// still group; something hidden; and `copies` of a larger object.
     fn sample(copies: u32) -> (Scene, Timeline) {
         let mut builder = SceneBuilder::new();
-        let red = builder.material(Material::diffuse("red", Vec3::X));
+        let tint = ParameterValue::Attribute("tint".into(), Vec3::ONE);
+        let shader = Some(Arc::new(ShaderUse::named("lambert").with("diffuse", tint)));
+        let red = builder.material(Material { shader, ..Material::diffuse("red", Vec3::X) });
         let blue = builder.material(Material { double_sided: false, ..Material::diffuse("blue", Vec3::Z) });
         let (round, sharp) = (builder.mesh(shard()), builder.mesh(flat()));
+        let colors = vec![Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.6), Vec3::ONE];
+        builder.attribute(round, "tint", Attribute::new(AttributeScope::Primitive, colors));
         let thing = builder.object("thing", [(round, red), (sharp, blue)]);
         let group = builder.object("group", []);
         let shear = Affine3A::from_mat3(glam::Mat3::from_cols(Vec3::X, Vec3::new(0.5, 1.0, 0.0), Vec3::Z));
@@ -435,6 +457,7 @@ mod tests {
         builder.show(hidden, false);
         let large = Mesh::new(shard().positions.to_vec(), vec![[0, 1, 3]; 3000]);
         let large = builder.mesh(large);
+        builder.attribute(large, "tint", Attribute::vector(Vec3::X));
         let tree = builder.object("tree", [(large, red)]);
         for i in 0..copies {
             builder.place(format!("tree {i}"), tree, None, at(i as f32 - 1.0, -1.3));

@@ -10,8 +10,9 @@ use glam::{Affine3A, Vec3};
 use heliostat::engine::{Engine, EngineOptions};
 use heliostat::plugins::Plugins;
 use heliostat::scene::{
-    ApplyReport, Backend, Camera, ColorSpace, Environment, Frame, FrameRequest, Image, Material, Mesh,
-    ParameterValue, Progress, SceneBuilder, ShaderRef, ShaderUse, Texture, TextureRef, UvTransform,
+    ApplyReport, Attribute, AttributeScope, Backend, Camera, ColorSpace, Environment, Frame, FrameRequest,
+    Image, Material, Mesh, ParameterValue, Progress, SceneBuilder, ShaderRef, ShaderUse, Texture, TextureRef,
+    UvTransform,
 };
 use heliostat::shading::lanes::{Floats, Vectors};
 use heliostat::shading::{Closures, LaneMode, Points, ShaderRegistry};
@@ -285,6 +286,41 @@ fn textures_can_be_sampled_anywhere() {
     assert_eq!(at(0, 4), Vec3::new(0.5, 0.0, 0.25), "above and left: second column, first row");
     assert_eq!(at(47, 4), Vec3::new(0.5, 0.5, 0.25), "above and right: second column, second row");
     assert_eq!(at(0, 28), Vec3::new(0.0, 0.0, 0.25), "below and left: third column, first row");
+}
+
+#[test]
+fn attributes_arrive_like_all_values() {
+    let folder = folder("attributes");
+    let Some(sampler) = c("tests/shaders/sampler.c", WARNINGS, folder.join("sampler.so")) else { return };
+    let Some(checker) = checker(&folder) else { return };
+    let half = Vec3::new(0.5, 1.0, 1.0);
+    let show = |shader: ShaderUse| {
+        let mut scene = SceneBuilder::new();
+        let shader = Some(Arc::new(shader));
+        let wall = scene.material(Material { shader, ..Material::diffuse("wall", Vec3::ZERO) });
+        let mesh = scene.mesh(Mesh::quad(Vec3::new(-4.0, -4.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0));
+        let colors = vec![Vec3::new(0.5, 0.25, 0.75), Vec3::new(1.0, 0.75, 0.5)];
+        scene.attribute(mesh, "tint", Attribute::new(AttributeScope::Primitive, colors));
+        scene.attribute(mesh, "width", Attribute::float(0.5));
+        let object = scene.object("wall", [(mesh, wall)]);
+        scene.instance(object, Affine3A::IDENTITY);
+        let (report, [frame, _]) = render(scene, true);
+        assert_eq!((&report.problems[..], &frame.problems[..]), (&[][..], &[][..]));
+        frame
+    };
+    // What has no texture is the same wherever it is looked up.
+    let tint = ParameterValue::Attribute("tint".into(), half);
+    let frame = show(plugin(sampler, "swapped").with("picture", tint));
+    let at = |x: usize, y: usize| frame.color[y * 48 + x];
+    assert_eq!(at(2, 2), Vec3::new(0.5, 0.75, 1.0), "above and left: the second triangle, and alpha 1");
+    assert_eq!(at(45, 29), Vec3::new(0.25, 0.25, 1.0), "below and right: the first triangle");
+    // The same pictures as by constants of the same values.
+    let width = ParameterValue::Attribute("width".into(), half);
+    let (varying, constant) = (
+        plugin(checker.clone(), "checker").with("size", width),
+        plugin(checker, "checker").with("size", 0.25),
+    );
+    assert_eq!(show(varying).color, show(constant).color);
 }
 
 #[test]

@@ -1,8 +1,13 @@
 //! `heliostat info`: what was read.
 
+use std::collections::BTreeMap;
+
 use heliostat::formats::Severity;
 use heliostat::grouping::{GroupingOptions, GroupingSummary, group};
-use heliostat::scene::{Camera, Clip, Environment, LightKind, Projection, Scene, Target};
+use heliostat::scene::{
+    AttributeScope, AttributeValues, Camera, Clip, Environment, LightKind, Projection, Scene, ShaderRef,
+    Target,
+};
 use serde_json::{Value, json};
 
 use super::console;
@@ -92,6 +97,9 @@ fn json(name: &str, scene: &Scene, source: &Source) -> Value {
         let (duration, rate) = (clip.motion.duration(), clip.frame_rate);
         json!({"name": clip.name, "seconds": duration, "frames_per_second": rate, "moves": moves})
     });
+    let attributes = attributes(scene)
+        .into_iter()
+        .map(|((name, kind), count)| json!({"name": name, "kind": kind, "geometries": count}));
     let diagnostics = source.diagnostics.iter().map(|d| {
         json!({
             "severity": d.severity.to_string(), "place": d.place.to_string(), "message": d.message, "hint": d.hint,
@@ -105,6 +113,7 @@ fn json(name: &str, scene: &Scene, source: &Source) -> Value {
         "spheres": s.spheres,
         "cones": s.cones,
         "geometries": scene.geometries().len(),
+        "attributes": attributes.collect::<Vec<_>>(),
         "objects": scene.objects().len(),
         "instances": scene.instances().len(),
         "depth": s.depth,
@@ -119,6 +128,23 @@ fn json(name: &str, scene: &Scene, source: &Source) -> Value {
         "clips": clips.collect::<Vec<_>>(),
         "diagnostics": diagnostics.collect::<Vec<_>>(),
     })
+}
+
+/// What attributes there are by their name, of what kind, and on how many geometries.
+fn attributes(scene: &Scene) -> BTreeMap<(&str, &'static str), usize> {
+    let mut found = BTreeMap::new();
+    for (name, attribute) in scene.attributes().values().flat_map(|named| named.iter()) {
+        let kind = match (&attribute.values, attribute.scope) {
+            (AttributeValues::Floats(_), AttributeScope::Object) => "a number per geometry",
+            (AttributeValues::Floats(_), AttributeScope::Primitive) => "a number per primitive",
+            (AttributeValues::Floats(_), AttributeScope::Vertex) => "a number per vertex",
+            (AttributeValues::Vectors(_), AttributeScope::Object) => "a vector per geometry",
+            (AttributeValues::Vectors(_), AttributeScope::Primitive) => "a vector per primitive",
+            (AttributeValues::Vectors(_), AttributeScope::Vertex) => "a vector per vertex",
+        };
+        *found.entry((name.as_str(), kind)).or_insert(0) += 1;
+    }
+    found
 }
 
 fn table(scene: &Scene, source: &Source) -> String {
@@ -139,6 +165,9 @@ fn table(scene: &Scene, source: &Source) -> String {
         Some(b) => format!("bounds        {}  to  {}", point(b.min), point(b.max)),
         None => "bounds        none: nothing is visible".into(),
     });
+    for ((name, kind), count) in attributes(scene) {
+        lines.push(format!("attribute     {}, {kind}; geometries: {count}", quoted(name)));
+    }
     for (i, camera) in scene.cameras().values().enumerate() {
         let eye = point(camera.world_from_camera.translation.into());
         lines.push(format!("camera {i:<6} {}, {}, at {eye}", quoted(&camera.name), projection(camera)));
@@ -217,5 +246,9 @@ fn environment(environment: &Environment) -> String {
         Environment::Gradient(_) => "gradient".into(),
         Environment::Sky(sky) => format!("clear sky of turbidity {}", sky.turbidity),
         Environment::Map(map) => format!("map {}×{}", map.image.width, map.image.height),
+        Environment::Shader(shaded) => match &shaded.shader.shader {
+            ShaderRef::Named(name) => format!("shader {}", quoted(name)),
+            ShaderRef::Plugin { shader, .. } => format!("shader {} of a plug-in", quoted(shader)),
+        },
     }
 }

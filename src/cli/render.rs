@@ -112,7 +112,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1 << 20))]
     photons: u32,
     /// Show materials as they are (`as-is`), all as `diffuse`, or all by a surface shader: show-depth, show-facing,
-    /// show-level, show-normal and show-uv are false colours, which a .png shows without exposure or tone curve
+    /// show-level, show-normal and show-uv are false colours, which a .png shows without exposure or tone curve. NAME or
+    /// NAME:PARAMETER=VALUE,…; a value is a number, R/G/B, or an attribute of the scene's meshes, @ATTRIBUTE or
+    /// @ATTRIBUTE*FACTOR
     /// [default: the replay's, else as-is]
     #[arg(long, value_name = "HOW")]
     materials: Option<Materials>,

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use glam::Vec3;
-use heliostat::scene::{Gradient, MaterialOverride, ShaderUse, Sky};
+use heliostat::scene::{Gradient, MaterialOverride, ParameterValue, ShaderUse, Sky};
+use heliostat::shading::ShaderRegistry;
 use heliostat_viewer::Effect;
 
 /// Most pixels along one edge, and in one picture.
@@ -48,19 +49,31 @@ pub(super) fn vector(text: &str) -> Result<Vec3, String> {
     }
 }
 
-/// `NAME` or `NAME:PARAMETER=VALUE,…` of a shader; a colour is written `R/G/B`.
+/// `NAME` or `NAME:PARAMETER=VALUE,…` of a shader; a colour is written `R/G/B`, an attribute `@NAME` or `@NAME*FACTOR`.
 pub(super) fn shader(text: &str) -> Result<ShaderUse, String> {
     let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
     let mut shader = ShaderUse::named(name);
     for setting in parameters.split(',').filter(|setting| !setting.is_empty()) {
-        let form =
-            || format!("`{setting}` in `{text}` sets nothing; write PARAMETER=VALUE or PARAMETER=R/G/B");
-        let (parameter, value) = setting.split_once('=').ok_or_else(form)?;
-        shader = match numbers(&value.replace('/', ","))?[..] {
-            [number] => shader.with(parameter, number),
-            [r, g, b] => shader.with(parameter, Vec3::new(r, g, b)),
-            _ => return Err(form()),
+        let form = || {
+            format!(
+                "`{setting}` in `{text}` sets nothing; write PARAMETER=VALUE, PARAMETER=R/G/B or PARAMETER=@ATTRIBUTE"
+            )
         };
+        let (parameter, value) = setting.split_once('=').ok_or_else(form)?;
+        let constant = |value: &str| match numbers(&value.replace('/', ","))?[..] {
+            [number] => Ok(Vec3::splat(number)),
+            [r, g, b] => Ok(Vec3::new(r, g, b)),
+            _ => Err(form()),
+        };
+        let value = match value.strip_prefix('@') {
+            Some(attribute) => {
+                let (name, factor) = attribute.split_once('*').unwrap_or((attribute, "1"));
+                ParameterValue::Attribute(name.into(), constant(factor)?)
+            }
+            None if value.contains('/') => ParameterValue::Vector(constant(value)?),
+            None => ParameterValue::Float(constant(value)?.x),
+        };
+        shader = shader.with(parameter, value);
     }
     Ok(shader)
 }
@@ -74,6 +87,8 @@ pub(super) enum Materials {
     Diffuse,
     /// All are by this shader.
     Shader(Effect),
+    /// All are by this shader, which takes attributes of their geometries.
+    Attributed(ShaderUse),
 }
 
 impl Materials {
@@ -86,6 +101,10 @@ impl Materials {
             Self::AsIs => MaterialOverride::None,
             Self::Diffuse => MaterialOverride::Diffuse,
             Self::Shader(effect) => effect.on_all_surfaces().map_err(|refusal| refusal.0)?,
+            Self::Attributed(shader) => {
+                ShaderRegistry::built_in().find(shader).map_err(|problem| problem.0)?;
+                MaterialOverride::Shader { shader: shader.clone(), mirrors: false }
+            }
         })
     }
 
@@ -102,7 +121,10 @@ impl FromStr for Materials {
         let materials = match text {
             "as-is" => Self::AsIs,
             "diffuse" => Self::Diffuse,
-            _ => Self::Shader(Effect::of(&shader(text)?).unwrap_or_else(|| Effect::named(text))),
+            _ => {
+                let shader = shader(text)?;
+                Effect::of(&shader).map_or(Self::Attributed(shader), Self::Shader)
+            }
         };
         materials.to_override().map_err(|problem| format!("{problem}; or give `as-is` or `diffuse`"))?;
         Ok(materials)
@@ -301,6 +323,14 @@ mod tests {
         assert!(depth.are_false_colors() && !Materials::AsIs.are_false_colors());
         let problem = "shiny".parse::<Materials>().unwrap_err();
         assert!(problem.contains("show-normal") && problem.contains("as-is"), "{problem}");
+        let by_attribute = |factor| {
+            let value = ParameterValue::Attribute("face_color".into(), factor);
+            Ok(Materials::Attributed(ShaderUse::named("lambert").with("diffuse", value)))
+        };
+        assert_eq!("lambert:diffuse=@face_color".parse(), by_attribute(Vec3::ONE));
+        assert_eq!("lambert:diffuse=@face_color*0.5/1/2".parse(), by_attribute(Vec3::new(0.5, 1.0, 2.0)));
+        assert!("lambert:size=@face_color".parse::<Materials>().unwrap_err().contains("diffuse"));
+        assert!("lambert:diffuse=@a*b".parse::<Materials>().is_err());
         assert!("show-depth:fur=5".parse::<Materials>().unwrap_err().contains("far"));
     }
 

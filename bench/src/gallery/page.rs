@@ -17,11 +17,47 @@ let oak = Material { shader: Some(Arc::new(shader)), ..Material::default() };
 
 `heliostat render --materials NAME[:PARAMETER=VALUE,…]` shows all surfaces by one shader, above all by those that make a quantity
 visible (`show-…`); the viewer does it live. What depends on rays rather than on surfaces, nodes and triangles visited and
-shading cost, are planes: `--aov nodes`, see [viewer.md](viewer.md#false-colours-filters-tone-curves). Any parameter can be a texture times a factor. Lengths in object space grow with the object when an instance is scaled.
+shading cost, are planes: `--aov nodes`, see [viewer.md](viewer.md#false-colours-filters-tone-curves). Any parameter can be a texture times a factor, or an
+[attribute](#parameters-per-object-primitive-and-vertex) of what the material is on. Lengths in object space grow with the object when an instance is scaled.
 Colours are linear Rec. 709. All pictures show a ball of 24 cm on a block of the same material (of 1 m for `brick` and
 `checker`), rendered by `path` under the same light. This page and its pictures are written by
 `cargo run --release -p heliostat-bench -- gallery`.
 ";
+
+/// Stands after the head.
+const SECTIONS: &str = r#"
+## Parameters per object, primitive and vertex
+
+A parameter can be an *attribute*: a named quantity of a geometry, numbers or vectors, times a factor. It holds one value for
+the geometry (`AttributeScope::Object`), one for each triangle, sphere or cone (`Primitive`) or one for each vertex (`Vertex`,
+interpolated linearly), and is stored as often and no more. Values of a number for a vector count for all components, of a vector
+for a number by the first; the product is moved into the parameter's range.
+
+```rust
+let quality = ParameterValue::Attribute("quality".into(), Vec3::splat(0.01));
+let wood = ShaderUse::named("wood").with("ring_width", quality);
+edits.push(Edit::Attribute(geometry, "quality".into(), Attribute::new(AttributeScope::Vertex, values)));
+```
+
+Attributes belong to the handle of a geometry, not to its mesh. `Edit::Attribute` changes one later at its own cost: no tree,
+mesh or light is touched. They stay when the mesh deforms, and two geometries that share a mesh and a material can differ in them.
+Geometries without the attribute keep the shader's default, and `ApplyReport::problems` says so. Values must be finite and as many
+as the scope says, or the edit is refused.
+
+glTF files bring attributes whose names begin with `_` (SCALAR and VEC3); a shader in a material's `extras` takes them by
+`"parameters": {"size": {"attribute": "_HEAT", "factor": [2, 2, 2]}}`. PLY files bring every scalar property of vertices that means
+nothing else under its name, and those of faces as `face_NAME`, with `face_color` from `red green blue`. `heliostat info` lists
+what there is, and `heliostat render scan.ply --materials lambert:diffuse=@quality*0.01` shows it. Plug-ins get the values like all
+others.
+
+## Shaders of your own
+
+A program adds surface shaders by `ShaderRegistry::register` and environment shaders, which say how much light comes from a
+direction outside the scene, by `ShaderRegistry::register_environment`; `Engine::with_shaders` takes the registry. Both are small
+Rust traits over lanes with named parameters, `SurfaceShader` and `EnvironmentShader`. `Environment::Shader` names the latter with
+its parameters: rays that leave the scene ask the shader itself, and light sampling draws directions from a table of it, 512 by
+256, which changes of its parameters make anew. Surface shaders can also come from [plug-ins](plugins.md).
+"#;
 
 const PIXEL_HEAD: &str = "# Pixel shaders
 
@@ -41,7 +77,7 @@ Programs add their own: a `PixelShader` is a Rust trait over lanes (`heliostat::
 
 /// The whole page of surface shaders.
 pub(super) fn surfaces(registry: &ShaderRegistry) -> String {
-    let mut page = String::from(HEAD);
+    let mut page = [HEAD, SECTIONS].concat();
     for program in registry.programs().values() {
         let info = program.info();
         section(&mut page, "shaders", (&info.name, &info.about), &info.parameters);

@@ -77,6 +77,8 @@ pub struct Engine {
     spare: Option<Frame>,
     /// What the materials were overridden with in the last picture.
     overridden: MaterialOverride,
+    /// What the next picture has to tell.
+    problems: Vec<String>,
 }
 
 impl std::fmt::Debug for Engine {
@@ -123,6 +125,7 @@ impl Engine {
             buffers: Mutex::default(),
             spare: None,
             overridden: MaterialOverride::None,
+            problems: Vec::new(),
         })
     }
 
@@ -322,7 +325,7 @@ impl Backend for Engine {
             self.shaders.find(shader).map_err(|problem| BackendError::Request(problem.0))?;
         }
         if request.materials != MaterialOverride::None {
-            self.compiled.prepare_override(&self.scene, &request.materials);
+            self.problems.extend(self.compiled.prepare_override(&self.scene, &request.materials));
         }
         let bind =
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
@@ -333,7 +336,10 @@ impl Backend for Engine {
             self.overridden = request.materials.clone();
             history.iter_mut().for_each(History::distrust);
         }
+        let camera = CameraRays::new(&request.camera, request.width, request.height);
+        self.compiled.set_viewer(&request.materials, Some(camera.viewer()));
         let stats = self.render_frame(request, renderer, &film, &mut history, progress);
+        self.compiled.set_viewer(&request.materials, None);
         self.history = history;
         let mut frame = film.finish();
         let stats = match stats {
@@ -343,13 +349,13 @@ impl Backend for Engine {
                 return Err(error);
             }
         };
-        let camera = CameraRays::new(&request.camera, request.width, request.height);
         self.pool.install(|| {
             post::count_visits(&mut frame, self.compiled.world(), &camera);
             post::shade(&mut frame, &pixel_shaders, self.options.lanes);
         });
         frame.planes.truncate(request.planes.len());
-        frame.problems = self.compiled.shading(&request.materials).take_problems();
+        frame.problems = std::mem::take(&mut self.problems);
+        frame.problems.extend(self.compiled.shading(&request.materials).take_problems());
         frame.stats = stats;
         Ok(frame)
     }

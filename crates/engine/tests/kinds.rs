@@ -7,8 +7,11 @@ use glam::{Affine3A, Mat3, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
     Backend, BackendError, Camera, Edit, Environment, Frame, FrameRequest, Gradient, Image, Light, LightKind,
-    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShaderUse, Sky,
+    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShadedEnvironment,
+    ShaderUse, Sky,
 };
+use heliostat_shading::lanes::{Real, Vector};
+use heliostat_shading::{Constants, EnvironmentInfo, EnvironmentShader, Parameter, ShaderRegistry};
 
 const ALBEDO: f32 = 0.5;
 
@@ -161,4 +164,111 @@ fn pixel_shaders_change_the_picture_and_leave_the_planes() {
     let unknown = FrameRequest { pixel_shaders: vec![named("sepia")], ..plain.clone() };
     let refused = engine.render(&unknown, &Progress::new());
     assert!(matches!(refused, Err(BackendError::Request(text)) if text.contains("`sepia`")));
+}
+
+#[test]
+fn toon_bands_follow_the_camera_in_mirrors_too() {
+    let mut scene = SceneBuilder::new();
+    let shaded =
+        |name: &str| Material { shader: Some(Arc::new(ShaderUse::named(name))), ..Material::default() };
+    let toon = scene.material(shaded("toon"));
+    let mirror = scene.material(Material {
+        shader: Some(Arc::new(ShaderUse::named("mirror").with("tint", Vec3::ONE))),
+        ..Material::default()
+    });
+    let wall = scene.mesh(Mesh::quad(Vec3::new(-4.0, -4.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0));
+    let side = scene.mesh(Mesh::quad(Vec3::new(1.0, -3.0, 0.0), Vec3::Z * 4.0, Vec3::Y * 6.0));
+    let object = scene.object("corner", [(wall, toon), (side, mirror)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    // Straight onto the wall, along the mirror: the wall shines as its colour.
+    let kind = LightKind::Directional { direction: Vec3::NEG_Z, irradiance: Vec3::splat(PI) };
+    scene.light(Light { name: "sun".into(), kind });
+    let mut engine = engine(&scene.finish());
+    let eye = Vec3::new(-0.5, 0.2, 1.5);
+    let camera = Camera::look_at("", eye, Vec3::new(0.8, 0.0, 0.0), Vec3::Y, 1.6);
+    let planes = vec![Plane::Position, Plane::MaterialId];
+    let request = FrameRequest { samples: 1, planes, ..FrameRequest::new(camera, 64, 48) };
+    let frame = render(&mut engine, &FrameRequest { renderer: "direct".into(), ..request });
+    // The default bands, and how far the nearest border between them is.
+    let (lit, shade) = (Vec3::new(0.95, 0.55, 0.12), Vec3::new(0.32, 0.06, 0.10));
+    let bands = |at: Vec3, from: Vec3| {
+        let facing = (from - at).normalize().z.abs();
+        let border = ((4.0 * facing).round() - 4.0 * facing).abs().min((facing - 0.3).abs());
+        let band = (4.0 * facing).floor().min(3.0) / 3.0;
+        (if facing < 0.3 { Vec3::new(0.01, 0.01, 0.015) } else { shade.lerp(lit, band) }, border)
+    };
+    let (mut direct, mut mirrored, mut other) = (0, 0, 0);
+    for (i, color) in frame.color.iter().enumerate() {
+        let at = Vec3::from_slice(&frame.planes[0].values[3 * i..]);
+        let material = frame.planes[1].values[i];
+        if material == 0.0 {
+            continue;
+        }
+        let (mut on_wall, image) = (at, Vec3::new(2.0 - eye.x, eye.y, eye.z));
+        if material == 2.0 {
+            let way = (at - eye) * Vec3::new(-1.0, 1.0, 1.0);
+            on_wall = at - way * (at.z / way.z);
+            if way.z >= 0.0 || on_wall.abs().max_element() > 3.9 {
+                continue;
+            }
+        }
+        let (expected, border) = bands(on_wall, eye);
+        let (as_mirrored, _) = bands(on_wall, image);
+        if border > 1e-3 {
+            assert!(color.distance(expected) < 2e-3, "pixel {i}: {color} instead of {expected}");
+            *(if material == 2.0 { &mut mirrored } else { &mut direct }) += 1;
+            other += usize::from(material == 2.0 && as_mirrored != expected);
+        }
+    }
+    let enough = direct > 300 && mirrored > 300 && other > 100;
+    assert!(enough, "{direct} pixels of the wall, {mirrored} in the mirror, {other} unlike the image's");
+}
+
+/// Light from above that grows with the square of the height.
+#[derive(Debug)]
+struct Zenith;
+
+impl EnvironmentShader for Zenith {
+    fn info(&self) -> EnvironmentInfo {
+        let tint = Parameter::color("tint", [1.0; 3], "straight up");
+        EnvironmentInfo { name: "zenith".into(), about: String::new(), parameters: vec![tint] }
+    }
+
+    #[inline(always)]
+    fn radiance<F: Real>(&self, direction: Vector<F>, values: &Constants<'_, F>) -> Vector<F> {
+        let up = direction.y.max(direction.y.splat(0.0));
+        values.vector(0) * (up * up)
+    }
+}
+
+#[test]
+fn environments_can_be_shaders_of_the_program() {
+    let mut shaders = ShaderRegistry::built_in();
+    shaders.register_environment(Zenith);
+    let mut lit = Engine::with_shaders(EngineOptions::default(), shaders).unwrap();
+    lit.apply(&floor(None, Environment::None).scene().to_edits(), &Progress::new()).unwrap();
+    let around = |shader: ShaderUse| Edit::Environment(Environment::Shader(ShadedEnvironment::new(shader)));
+    for tint in [Vec3::ONE, Vec3::new(0.5, 0.25, 1.0)] {
+        let edit = around(ShaderUse::named("zenith").with("tint", tint));
+        let report = lit.apply(&[edit], &Progress::new()).unwrap();
+        let rebuilt: Vec<&str> = report.rebuilt.iter().map(|rebuilt| rebuilt.what.as_str()).collect();
+        assert_eq!((rebuilt, report.problems), (vec!["environment sampling table"], Vec::new()));
+        // ∫ cos² θ cos θ dω over the upper half is π/2.
+        let expected = tint * ALBEDO * 0.5;
+        for (renderer, samples) in [("path", 64), ("direct", 64), ("igi", 64)] {
+            let frame = render(&mut lit, &from_above(renderer, samples));
+            let mean = frame.color.iter().sum::<Vec3>() / frame.color.len() as f32;
+            // Sixty-five thousand samples, and those of igi are shared.
+            let error = mean.distance(expected) / expected.length();
+            assert!(error < 0.01, "{renderer}: {mean} instead of {expected}");
+        }
+        // Seen past the floor, it is as the shader says.
+        let mut up = Camera::look_at("", Vec3::Y, Vec3::Y * 2.0, Vec3::Z, 1.0);
+        up.projection = Projection::Orthographic { height: 1.0 };
+        let sky = render(&mut lit, &FrameRequest { samples: 1, ..FrameRequest::new(up, 4, 4) });
+        assert!(sky.color.iter().all(|color| color.distance(tint) < 1e-6), "{:?}", sky.color[0]);
+    }
+    let report = lit.apply(&[around(ShaderUse::named("nadir"))], &Progress::new()).unwrap();
+    let [problem] = &report.problems[..] else { panic!("one problem: {:?}", report.problems) };
+    assert!(problem.contains("no environment shader `nadir`; there are: zenith"), "{problem}");
 }

@@ -196,9 +196,9 @@ pub struct HeliostatParameter {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct HeliostatConstant {
-    /// The value, or what the texture is multiplied by; three equal components for numbers.
+    /// The value, or what the texture or the attribute is multiplied by; three equal components for numbers.
     pub value: [f32; 3],
-    /// 1 if a texture makes it vary from point to point, else 0.
+    /// 1 if a texture or an attribute makes it vary from point to point, else 0.
     pub textured: u32,
 }
 

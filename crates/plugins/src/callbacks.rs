@@ -3,16 +3,22 @@
 use std::ptr::{from_ref, null};
 
 use glam::{Vec2, Vec3};
-use heliostat_shading::Input;
 use heliostat_shading::lanes::noise::gradient_noise;
 use heliostat_shading::lanes::{Vector, WIDTH};
+use heliostat_shading::{Input, Points};
 
 use crate::abi::{HeliostatCallbacks, HeliostatFloats, HeliostatVectors};
 
-/// The callbacks of one call: good as long as the place of `inputs` is.
-pub(crate) fn table(inputs: &&[Input]) -> HeliostatCallbacks {
+/// What a shader was called with.
+pub(crate) struct Given<'a> {
+    pub(crate) inputs: &'a [Input],
+    pub(crate) points: &'a Points,
+}
+
+/// The callbacks of one call: good as long as the place of `given` is.
+pub(crate) fn table(given: &Given<'_>) -> HeliostatCallbacks {
     HeliostatCallbacks {
-        context: from_ref(inputs).cast(),
+        context: from_ref(given).cast(),
         sample: Some(sample),
         noise: Some(noise),
         reserved: [null(); 5],
@@ -35,15 +41,16 @@ unsafe extern "C" fn sample(
     {
         return 1;
     }
-    // SAFETY: the plug-in passes the callbacks that it was given, whose context is the slice of inputs, while it shades.
-    let inputs: &[Input] = unsafe { *(*callbacks).context.cast::<&[Input]>() };
-    let Some(input) = inputs.get(parameter as usize) else { return 2 };
+    // SAFETY: the plug-in passes the callbacks that it was given, whose context is what it was called with,
+    // while it shades.
+    let given: &Given<'_> = unsafe { &*(*callbacks).context.cast() };
+    let Some(input) = given.inputs.get(parameter as usize) else { return 2 };
     for lane in 0..count {
         // SAFETY: not null, of 16 numbers each, and `lane` is one of them. Through pointers all the way, so that the plug-in
         // may have its results where its coordinates were.
         unsafe {
             let uv = Vec2::new((*u).lane[lane], (*v).lane[lane]);
-            let texel = input.sample(uv, (*width).lane[lane]);
+            let texel = input.sample(given.points, lane, uv, (*width).lane[lane]);
             (*rgb).x.lane[lane] = texel.x;
             (*rgb).y.lane[lane] = texel.y;
             (*rgb).z.lane[lane] = texel.z;

@@ -13,7 +13,7 @@ use crate::abi::{
     HELIOSTAT_MAX_PARAMETERS, HeliostatClosures, HeliostatConstant, HeliostatInputs, HeliostatPoints,
     HeliostatVectors,
 };
-use crate::callbacks;
+use crate::callbacks::{self, Given};
 use crate::table::Entry;
 
 /// Room for what a constructor has to say.
@@ -83,9 +83,10 @@ struct Instance {
     shader: Arc<Shader>,
     /// The plug-in's own.
     handle: *mut c_void,
-    /// The values of all parameters, those of textured ones aside.
+    /// The values of all parameters, those aside that vary from point to point.
     constants: Box<[Vectors]>,
-    has_textures: bool,
+    /// Whether some parameter varies from point to point.
+    varies: bool,
 }
 
 // SAFETY: the engine never looks behind `handle`; the interface demands that the plug-in's functions can be called on any
@@ -122,8 +123,8 @@ impl Instance {
             lanes
         };
         let constants = inputs.iter().map(splat).collect();
-        let has_textures = inputs.iter().any(Input::is_textured);
-        Ok(Self { shader: shader.clone(), handle, constants, has_textures })
+        let varies = inputs.iter().any(Input::varies);
+        Ok(Self { shader: shader.clone(), handle, constants, varies })
     }
 
     /// Lets the plug-in shade with these values of its parameters.
@@ -140,7 +141,8 @@ impl Instance {
             *to = vectors(value);
         }
         let handed = HeliostatInputs { values: table.as_ptr(), count: values.len() as u32 };
-        let callbacks = callbacks::table(&inputs);
+        let given = Given { inputs, points };
+        let callbacks = callbacks::table(&given);
         let points = points_table(points);
         let closures = closures_table(closures);
         // SAFETY: the handle is the one that `create` gave, the library is loaded, and all tables and what they point to
@@ -157,9 +159,9 @@ impl SurfaceProgram for Instance {
     }
 
     fn run(&self, mode: LaneMode, count: usize, points: &Points, inputs: &[Input], closures: &mut Closures) {
-        if self.has_textures {
+        if self.varies {
             let mut values = self.constants.clone();
-            for (input, value) in inputs.iter().zip(&mut values).filter(|(input, _)| input.is_textured()) {
+            for (input, value) in inputs.iter().zip(&mut values).filter(|(input, _)| input.varies()) {
                 input.values(points, count, value);
             }
             self.call(count, points, inputs, &values, closures);
@@ -185,7 +187,7 @@ fn create(entry: &Entry, inputs: &[Input]) -> Result<*mut c_void, String> {
     let Some(create) = entry.create else { return Ok(handle) };
     let constant = |input: &Input| HeliostatConstant {
         value: input.factor().to_array(),
-        textured: input.is_textured().into(),
+        textured: input.varies().into(),
     };
     let constants: Vec<HeliostatConstant> = inputs.iter().map(constant).collect();
     let mut message = [0_u8; MESSAGE];

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::Affine3A;
 
 use crate::{
-    Camera, CameraId, Edit, EditError, Environment, Geometry, GeometryId, Instance, InstanceId, Light,
-    LightId, Material, MaterialId, Object, ObjectId, Scene, Target, Texture, TextureId,
+    Attributes, Camera, CameraId, Edit, EditError, Environment, Geometry, GeometryId, Instance, InstanceId,
+    Light, LightId, Material, MaterialId, Object, ObjectId, Scene, Target, Texture, TextureId,
 };
 
 /// Edits that were applied, for [`Scene::revert`]: what each handle held before.
@@ -30,6 +30,8 @@ impl Applied {
 #[derive(Debug)]
 pub(crate) enum Undo {
     Geometry(GeometryId, Option<Geometry>),
+    RemovedGeometry(GeometryId, Option<Geometry>, Option<Arc<Attributes>>),
+    Attributes(GeometryId, Option<Arc<Attributes>>),
     Texture(TextureId, Option<Arc<Texture>>),
     Material(MaterialId, Option<Arc<Material>>),
     Object(ObjectId, Option<Object>),
@@ -130,6 +132,27 @@ impl Scene {
                 valid(Target::Geometry(*id), geometry.inconsistency())?;
                 Undo::Geometry(*id, self.geometries.insert(*id, geometry.clone()))
             }
+            Edit::Attribute(id, name, attribute) => {
+                let problem = attribute.inconsistency();
+                valid(
+                    Target::Geometry(*id),
+                    problem.map(|problem| format!("attribute `{name}`: {problem}")),
+                )?;
+                let mut attributes = self.attributes.get(id).cloned().unwrap_or_default();
+                Arc::make_mut(&mut attributes).insert(name.clone(), attribute.clone());
+                Undo::Attributes(*id, self.attributes.insert(*id, attributes))
+            }
+            Edit::RemoveAttribute(id, name) => {
+                let mut attributes = self.attributes.get(id).cloned().unwrap_or_default();
+                let removed = Arc::make_mut(&mut attributes).remove(name);
+                let problem = || format!("it has no attribute `{name}` to remove");
+                valid(Target::Geometry(*id), removed.is_none().then(problem))?;
+                let before = match attributes.is_empty() {
+                    true => self.attributes.remove(id),
+                    false => self.attributes.insert(*id, attributes),
+                };
+                Undo::Attributes(*id, before)
+            }
             Edit::Texture(id, texture) => {
                 valid(Target::Texture(*id), texture.image.inconsistency())?;
                 Undo::Texture(*id, self.textures.insert(*id, texture.clone()))
@@ -162,7 +185,7 @@ impl Scene {
             }
             Edit::RemoveGeometry(id) => {
                 existing(Target::Geometry(*id), self.geometries.contains_key(id))?;
-                Undo::Geometry(*id, self.geometries.remove(id))
+                Undo::RemovedGeometry(*id, self.geometries.remove(id), self.attributes.remove(id))
             }
             Edit::RemoveTexture(id) => {
                 existing(Target::Texture(*id), self.textures.contains_key(id))?;
@@ -245,6 +268,11 @@ impl Scene {
         }
         match step {
             Undo::Geometry(id, before) => restore(&mut self.geometries, id, before),
+            Undo::RemovedGeometry(id, before, attributes) => {
+                restore(&mut self.geometries, id, before);
+                restore(&mut self.attributes, id, attributes);
+            }
+            Undo::Attributes(id, before) => restore(&mut self.attributes, id, before),
             Undo::Texture(id, before) => restore(&mut self.textures, id, before),
             Undo::Material(id, before) => restore(&mut self.materials, id, before),
             Undo::Object(id, before) => restore(&mut self.objects, id, before),

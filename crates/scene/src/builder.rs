@@ -5,8 +5,9 @@ use std::sync::Arc;
 use glam::Affine3A;
 
 use crate::{
-    Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
-    Material, MaterialId, Mesh, Object, ObjectId, Part, Quadric, Quadrics, Scene, Texture, TextureId,
+    Attribute, Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light,
+    LightId, Material, MaterialId, Mesh, Object, ObjectId, Part, Quadric, Quadrics, Scene, Texture,
+    TextureId,
 };
 
 /// Makes lists of edits with fresh handles: what importers and programs use to write scenes.
@@ -67,6 +68,11 @@ impl SceneBuilder {
         let id = GeometryId(take(&mut self.next.geometry));
         self.edits.push(Edit::Geometry(id, Geometry::Quadrics(Arc::new(Quadrics { shapes }))));
         id
+    }
+
+    /// Gives a geometry an attribute, in place of one that has the name already.
+    pub fn attribute(&mut self, geometry: GeometryId, name: impl Into<String>, attribute: Attribute) {
+        self.edits.push(Edit::Attribute(geometry, name.into(), attribute));
     }
 
     /// Adds a texture.

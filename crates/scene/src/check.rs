@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::apply::Undo;
-use crate::{Edit, EditError, InstanceId, MaterialId, ObjectId, Scene, Target};
+use crate::{Edit, EditError, GeometryId, InstanceId, MaterialId, ObjectId, Scene, Target};
 
 impl Scene {
     /// Checks what the edits made refer to, and who refers to what they removed. Costs what the edits touch, except
@@ -13,6 +13,7 @@ impl Scene {
         let mut structure_changed = false;
         for (edit, before) in edits.iter().zip(undo) {
             match edit {
+                Edit::Geometry(id, _) | Edit::Attribute(id, ..) => self.check_attributes(*id)?,
                 Edit::Material(id, _) => self.check_material(*id)?,
                 Edit::Object(id, _) => self.check_object(*id)?,
                 Edit::Instance(id, instance) => {
@@ -37,7 +38,19 @@ impl Scene {
         Ok(())
     }
 
-    // The three checks below skip a handle that a later edit of the same list removed again.
+    // The four checks below skip a handle that a later edit of the same list removed again.
+
+    fn check_attributes(&self, id: GeometryId) -> Result<(), EditError> {
+        let Some(attributes) = self.attributes.get(&id) else { return Ok(()) };
+        let target = Target::Geometry(id);
+        let geometry = self.geometries.get(&id).ok_or(EditError::Unknown { target })?;
+        match attributes.iter().find_map(|(name, attribute)| Some((name, attribute.misfit(geometry)?))) {
+            Some((name, problem)) => {
+                Err(EditError::Invalid { target, problem: format!("attribute `{name}`: {problem}") })
+            }
+            None => Ok(()),
+        }
+    }
 
     fn check_material(&self, id: MaterialId) -> Result<(), EditError> {
         let Some(material) = self.materials.get(&id) else { return Ok(()) };

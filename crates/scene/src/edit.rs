@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::Affine3A;
 
 use crate::{
-    Camera, CameraId, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId, Material,
-    MaterialId, Object, ObjectId, Texture, TextureId,
+    Attribute, Camera, CameraId, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
+    Material, MaterialId, Object, ObjectId, Texture, TextureId,
 };
 
 /// One change. The variants named after a thing define it, or replace what had the handle before.
@@ -14,10 +14,14 @@ use crate::{
 /// A list of edits is applied as a whole: references may point forward within the list.
 #[derive(Clone, Debug)]
 pub enum Edit {
-    /// Defines or replaces a geometry.
+    /// Defines or replaces a geometry. Its attributes stay, and must fit.
     Geometry(GeometryId, Geometry),
-    /// Removes a geometry no object uses.
+    /// Removes a geometry no object uses, with its attributes.
     RemoveGeometry(GeometryId),
+    /// Defines or replaces an attribute of a geometry, by its name. Touches nothing else.
+    Attribute(GeometryId, String, Attribute),
+    /// Removes an attribute of a geometry.
+    RemoveAttribute(GeometryId, String),
     /// Defines or replaces a texture.
     Texture(TextureId, Arc<Texture>),
     /// Removes a texture no material uses.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
-use crate::Image;
+use crate::{Image, ShaderUse};
 
 /// Radiance from outside the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,6 +20,8 @@ pub enum Environment {
     Sky(Sky),
     /// An image around the scene.
     Map(EnvironmentMap),
+    /// What a shader says.
+    Shader(ShadedEnvironment),
 }
 
 /// Radiance that changes with height alone: linearly with the sine of the elevation, from the horizon up and down.
@@ -87,6 +89,24 @@ pub struct EnvironmentMap {
     pub world_from_environment: Mat3,
 }
 
+/// Radiance by a shader that the program registered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShadedEnvironment {
+    /// Which, and its parameters: numbers, vectors and colours.
+    pub shader: ShaderUse,
+    /// Multiplies its answers.
+    pub scale: Vec3,
+    /// Rotation of what it answers.
+    pub world_from_environment: Mat3,
+}
+
+impl ShadedEnvironment {
+    /// A shader's answers as they are.
+    pub fn new(shader: ShaderUse) -> Self {
+        Self { shader, scale: Vec3::ONE, world_from_environment: Mat3::IDENTITY }
+    }
+}
+
 impl EnvironmentMap {
     fn rotation_problem(&self) -> Option<String> {
         rotation_problem(&self.world_from_environment, "world_from_environment")
@@ -108,6 +128,10 @@ impl Environment {
             Self::Gradient(Gradient { zenith, horizon, nadir }) => (vec![*zenith, *horizon, *nadir], None),
             Self::Sky(sky) => (vec![sky.scale], sky.problem()),
             Self::Map(map) => (vec![map.scale], map.image.inconsistency().or_else(|| map.rotation_problem())),
+            Self::Shader(shaded) => {
+                let rotation = &shaded.world_from_environment;
+                (vec![shaded.scale], rotation_problem(rotation, "world_from_environment"))
+            }
         };
         if problem.is_some() {
             return problem;

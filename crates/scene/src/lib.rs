@@ -25,6 +25,7 @@
 #![forbid(unsafe_code)]
 
 mod apply;
+mod attribute;
 mod backend;
 mod builder;
 mod camera;
@@ -45,11 +46,12 @@ mod texture;
 mod timeline;
 
 pub use apply::Applied;
+pub use attribute::{Attribute, AttributeScope, AttributeValues, Attributes};
 pub use backend::{ApplyReport, Backend, BackendError, Progress, RebuildKind, RebuildReason, Rebuilt};
 pub use builder::SceneBuilder;
 pub use camera::{Camera, Lens, Projection, Stereo, StereoView};
 pub use edit::{Edit, EditError, Target};
-pub use environment::{Environment, EnvironmentMap, Gradient, Sky};
+pub use environment::{Environment, EnvironmentMap, Gradient, ShadedEnvironment, Sky};
 pub use frame::{Filter, Frame, FrameRequest, FrameStats, IgiOptions, MaterialOverride, Plane, PlaneData};
 pub use geometry::{Geometry, Mesh};
 pub use handle::{CameraId, GeometryId, InstanceId, LightId, MaterialId, ObjectId, TextureId};

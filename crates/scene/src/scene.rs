@@ -6,14 +6,16 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::{
-    Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light, LightId,
-    Material, MaterialId, Object, ObjectId, Quadric, Texture, TextureId,
+    Attributes, Camera, CameraId, Edit, Environment, Geometry, GeometryId, Instance, InstanceId, Light,
+    LightId, Material, MaterialId, Object, ObjectId, Quadric, Texture, TextureId,
 };
 
 /// All data of a scene by handle. [`Scene::apply`] is the only way to change it, so references are always valid.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     pub(crate) geometries: BTreeMap<GeometryId, Geometry>,
+    /// Those of geometries that have any.
+    pub(crate) attributes: BTreeMap<GeometryId, Arc<Attributes>>,
     pub(crate) textures: BTreeMap<TextureId, Arc<Texture>>,
     pub(crate) materials: BTreeMap<MaterialId, Arc<Material>>,
     pub(crate) objects: BTreeMap<ObjectId, Object>,
@@ -52,6 +54,11 @@ impl Scene {
     /// Geometries by handle.
     pub fn geometries(&self) -> &BTreeMap<GeometryId, Geometry> {
         &self.geometries
+    }
+
+    /// The attributes of geometries that have any.
+    pub fn attributes(&self) -> &BTreeMap<GeometryId, Arc<Attributes>> {
+        &self.attributes
     }
 
     /// Textures by handle.
@@ -115,6 +122,10 @@ impl Scene {
     pub fn to_edits(&self) -> Vec<Edit> {
         let mut edits = vec![Edit::Environment(self.environment.clone())];
         edits.extend(self.geometries.iter().map(|(id, geometry)| Edit::Geometry(*id, geometry.clone())));
+        let attributes = self.attributes.iter().flat_map(|(id, named)| {
+            named.iter().map(|(name, attribute)| Edit::Attribute(*id, name.clone(), attribute.clone()))
+        });
+        edits.extend(attributes);
         edits.extend(self.textures.iter().map(|(id, texture)| Edit::Texture(*id, texture.clone())));
         edits.extend(self.materials.iter().map(|(id, material)| Edit::Material(*id, material.clone())));
         edits.extend(self.objects.iter().map(|(id, object)| Edit::Object(*id, object.clone())));

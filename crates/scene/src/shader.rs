@@ -53,7 +53,7 @@ pub enum ShaderRef {
 }
 
 /// What a parameter is set to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ParameterValue {
     /// A number, in the parameter's unit. Vectors and colours take it for all components.
     Float(f32),
@@ -61,6 +61,9 @@ pub enum ParameterValue {
     Vector(Vec3),
     /// A texture times a factor.
     Texture(TextureRef, Vec3),
+    /// The attribute of that name of whatever geometry the shader is used on, times a factor. Where a geometry has none, the
+    /// shader's default.
+    Attribute(String, Vec3),
 }
 
 impl From<f32> for ParameterValue {

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, Vec2, Vec3};
 use heliostat_scene::{
-    Camera, Clip, Edit, EditError, Geometry, GeometryId, Image, InstanceId, Light, LightId, LightKind,
-    Material, MaterialId, Mesh, Motion, ObjectId, Pose, Scene, SceneBuilder, Target, TextureId, TextureRef,
-    Timeline, UvTransform,
+    Attribute, AttributeScope, Camera, Clip, Edit, EditError, Geometry, GeometryId, Image, InstanceId, Light,
+    LightId, LightKind, Material, MaterialId, Mesh, Motion, ObjectId, Pose, Scene, SceneBuilder, Target,
+    TextureId, TextureRef, Timeline, UvTransform,
 };
 
 fn triangle() -> Mesh {
@@ -254,4 +254,57 @@ fn a_transform_that_is_not_finite_is_refused_wherever_it_stands() {
     }
     let missing = Edit::ShowInstance(InstanceId(9), true);
     assert_eq!(refused(&[missing]), EditError::Unknown { target: Target::Instance(InstanceId(9)) });
+}
+
+#[test]
+fn attributes_fit_their_geometry_and_go_with_it() {
+    let id = GeometryId(0);
+    let heat = |attribute: Attribute| Edit::Attribute(id, "heat".into(), attribute);
+    let of = |scope, values: &[f32]| heat(Attribute::new(scope, values.to_vec()));
+    let problem = |edits: &[Edit]| refused(edits).to_string();
+    let wrong = problem(&[of(AttributeScope::Vertex, &[1.0; 4])]);
+    let takes = "geometry 0: attribute `heat`: 4 values for a geometry that takes";
+    assert_eq!(wrong, format!("{takes} 3, one per vertex"));
+    assert_eq!(problem(&[of(AttributeScope::Primitive, &[1.0; 4])]), format!("{takes} 1, one per primitive"));
+    assert!(
+        problem(&[of(AttributeScope::Object, &[])]).contains("0 values for a geometry that takes 1, one for")
+    );
+    let bad = problem(&[of(AttributeScope::Vertex, &[1.0, f32::NAN, 1.0])]);
+    assert_eq!(bad, "geometry 0: attribute `heat`: value 1 is not finite; give finite numbers");
+    let vector = Attribute::vector(Vec3::new(0.0, f32::INFINITY, 0.0));
+    assert!(problem(&[heat(vector)]).contains("value 0 is not finite"));
+    let absent = Edit::Attribute(GeometryId(7), "heat".into(), Attribute::float(1.0));
+    assert_eq!(refused(&[absent]), EditError::Unknown { target: Target::Geometry(GeometryId(7)) });
+    assert!(problem(&[Edit::RemoveAttribute(id, "heat".into())]).contains("no attribute `heat` to remove"));
+
+    let mut scene = scene();
+    let per_vertex = of(AttributeScope::Vertex, &[1.0, 2.0, 3.0]);
+    let constant = Edit::Attribute(id, "tint".into(), Attribute::vector(Vec3::X));
+    scene.apply(&[per_vertex, constant]).expect("valid");
+    assert_eq!(scene.attributes()[&id].keys().collect::<Vec<_>>(), ["heat", "tint"]);
+    let mut copy = Scene::default();
+    copy.apply(&scene.to_edits()).expect("valid");
+    assert_eq!(copy.attributes(), scene.attributes());
+    // A mesh of other vertices does not fit any more, unless the same list says what it has.
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
+    let larger =
+        Edit::Geometry(id, Geometry::Mesh(Arc::new(Mesh::new(positions, vec![[0, 1, 2], [0, 2, 3]]))));
+    let before = format!("{scene:?}");
+    let error = scene.apply(std::slice::from_ref(&larger)).expect_err("refused").to_string();
+    assert!(error.contains("attribute `heat`: 3 values for a geometry that takes 4"), "{error}");
+    assert_eq!(format!("{scene:?}"), before);
+    let applied = scene.apply(&[of(AttributeScope::Vertex, &[0.0; 4]), larger]).expect("valid");
+    scene.revert(applied);
+    assert_eq!(format!("{scene:?}"), before);
+    // What goes takes its attributes along, and brings them back.
+    let all = [
+        Edit::RemoveAttribute(id, "tint".into()),
+        Edit::RemoveInstance(InstanceId(0)),
+        Edit::RemoveObject(ObjectId(0)),
+        Edit::RemoveGeometry(id),
+    ];
+    let applied = scene.apply(&all).expect("valid");
+    assert!(scene.attributes().is_empty());
+    scene.revert(applied);
+    assert_eq!(format!("{scene:?}"), before);
 }

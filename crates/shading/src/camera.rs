@@ -65,6 +65,15 @@ pub struct PicturePoints {
     pub time: Floats,
 }
 
+/// From where a frame is seen as a whole, world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Viewer {
+    /// From a point.
+    At(Vec3),
+    /// From infinitely far away, in the direction of a unit vector.
+    Towards(Vec3),
+}
+
 /// Camera rays, a lane each.
 #[derive(Clone, Debug, Default)]
 pub struct RayPacket {
@@ -138,6 +147,14 @@ impl CameraRays {
     /// Where the camera stands when the shutter opens, world space: between its eyes.
     pub fn position(&self) -> Vec3 {
         self.world_from_camera.translation.into()
+    }
+
+    /// From where shaders that do not ask for the ray see the scene: when the shutter opens, and between the eyes.
+    pub fn viewer(&self) -> Viewer {
+        match self.camera.projection {
+            Projection::Orthographic { .. } => Viewer::Towards(self.world_from_camera.matrix3.z_axis.into()),
+            _ => Viewer::At(self.position()),
+        }
     }
 
     /// Where in the picture (pixels, from the top left corner) a point is seen, sharply and when the shutter opens; maybe

@@ -7,6 +7,7 @@ use glam::{Mat3, Vec2, Vec3};
 use heliostat_scene::{ColorSpace, Environment, Image};
 
 use crate::color::luminance;
+use crate::environment_shader::ShaderLight;
 use crate::sampling::{Discrete2d, uniform_sphere};
 use crate::sky::{FormulaLight, coordinates, direction, solid_angle_density};
 use crate::texture::texel;
@@ -23,7 +24,12 @@ pub enum EnvironmentLight {
     Formula(FormulaLight),
     /// A latitude-longitude image.
     Map(MapLight),
+    /// A shader; see [`ShaderRegistry::environment`](crate::ShaderRegistry::environment).
+    Shader(ShaderLight),
 }
+
+/// Stands for a shader that is not there.
+const MAGENTA: Vec3 = Vec3::new(1.0, 0.0, 1.0);
 
 /// A latitude-longitude image with its sampling distribution.
 #[derive(Clone, Debug)]
@@ -37,7 +43,8 @@ pub struct MapLight {
 }
 
 impl EnvironmentLight {
-    /// Prepares lookup and sampling: radiance times the solid angle of each texel.
+    /// Prepares lookup and sampling: radiance times the solid angle of each texel. Shaders take a registry: magenta stands
+    /// for them here.
     pub fn new(environment: &Environment) -> Self {
         match environment {
             Environment::None => Self::None,
@@ -45,6 +52,7 @@ impl EnvironmentLight {
             Environment::Gradient(gradient) => Self::Formula(FormulaLight::gradient(gradient)),
             Environment::Sky(sky) => Self::Formula(FormulaLight::sky(sky)),
             Environment::Map(map) => Self::Map(MapLight::new(map)),
+            Environment::Shader(_) => Self::Constant(MAGENTA),
         }
     }
 
@@ -55,6 +63,7 @@ impl EnvironmentLight {
             Self::Constant(radiance) => *radiance,
             Self::Formula(formula) => formula.radiance(direction),
             Self::Map(map) => map.radiance(map.uv(direction)),
+            Self::Shader(shader) => shader.radiance(direction),
         }
     }
 
@@ -64,10 +73,8 @@ impl EnvironmentLight {
             Self::None => 0.0,
             Self::Constant(_) => 1.0 / (4.0 * PI),
             Self::Formula(formula) => formula.pdf(direction),
-            Self::Map(map) => {
-                let uv = map.uv(direction);
-                map.distribution.pdf(uv) * solid_angle_density(uv.y)
-            }
+            Self::Map(map) => map.pdf(direction),
+            Self::Shader(shader) => shader.table.pdf(direction),
         }
     }
 
@@ -77,10 +84,11 @@ impl EnvironmentLight {
             Self::None => None,
             Self::Constant(radiance) => Some((uniform_sphere(u), *radiance, 1.0 / (4.0 * PI))),
             Self::Formula(formula) => formula.sample(u),
-            Self::Map(map) => {
-                let (uv, density) = map.distribution.sample(u)?;
-                let pdf = density * solid_angle_density(uv.y);
-                (pdf > 0.0 && pdf.is_finite()).then(|| (map.direction(uv), map.radiance(uv), pdf))
+            Self::Map(map) => map.sample(u).map(|(uv, pdf)| (map.direction(uv), map.radiance(uv), pdf)),
+            Self::Shader(shader) => {
+                let (uv, pdf) = shader.table.sample(u)?;
+                let direction = shader.table.direction(uv);
+                Some((direction, shader.radiance(direction), pdf))
             }
         }
     }
@@ -92,12 +100,13 @@ impl EnvironmentLight {
             Self::Constant(radiance) => *radiance,
             Self::Formula(formula) => formula.mean(),
             Self::Map(map) => map.mean,
+            Self::Shader(shader) => shader.table.mean,
         }
     }
 }
 
 impl MapLight {
-    fn new(map: &heliostat_scene::EnvironmentMap) -> Self {
+    pub(crate) fn new(map: &heliostat_scene::EnvironmentMap) -> Self {
         let (width, height) = (map.image.width, map.image.height);
         let texel = |x: u32, y: u32| texel_rgb(&map.image, x, y);
         // Lookup blends a texel with its neighbours. Its weight does so too (binomially, 1-2-1 along either axis), or a
@@ -126,6 +135,19 @@ impl MapLight {
             distribution: Discrete2d::new(width as usize, &weights),
             mean: mean * normalise * map.scale,
         }
+    }
+
+    /// Density of a world-space direction, per steradian.
+    fn pdf(&self, direction: Vec3) -> f32 {
+        let uv = self.uv(direction);
+        self.distribution.pdf(uv) * solid_angle_density(uv.y)
+    }
+
+    /// Texture coordinates, and the density per steradian of their direction.
+    fn sample(&self, u: Vec2) -> Option<(Vec2, f32)> {
+        let (uv, density) = self.distribution.sample(u)?;
+        let pdf = density * solid_angle_density(uv.y);
+        (pdf > 0.0 && pdf.is_finite()).then_some((uv, pdf))
     }
 
     /// Texture coordinates of a world-space direction.

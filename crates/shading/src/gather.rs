@@ -96,6 +96,7 @@ impl Points {
         reached: &[Reached<'a>],
         triangles: &mut Triangles,
     ) {
+        self.read_attributes(material, reached);
         (self.color, self.alpha) = (WHITE, WHITE.x);
         if reached.is_empty() {
             return;

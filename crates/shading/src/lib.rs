@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod albedo;
+mod attribute;
 mod basis;
 mod bsdf;
 mod camera;
@@ -13,6 +14,7 @@ mod closure;
 pub mod color;
 mod emission;
 mod environment;
+mod environment_shader;
 mod filter;
 pub mod fresnel;
 #[cfg(test)]
@@ -47,10 +49,11 @@ pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket};
+pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket, Viewer};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;
+pub use environment_shader::{EnvironmentInfo, EnvironmentShader, ShaderLight};
 pub use filter::PixelFilter;
 pub use lamps::Lamps;
 pub use light::{LightSample, Lights};
@@ -65,8 +68,8 @@ pub use reflectors::{Reflector, Reflectors};
 pub use sampler::{SamplePoints, Sampler, Samplers, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{
-    Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo, ShaderProblem,
-    ShaderRegistry, SurfaceProgram, SurfaceShader, heat_color,
+    Constants, Input, Inputs, OnLanes, Parameter, ParameterKind, PluginSource, Point, ShaderInfo,
+    ShaderProblem, ShaderRegistry, SurfaceProgram, SurfaceShader, heat_color,
 };
 pub use sort::{HitPacket, HitSorter};
 pub use surface::{LaneMode, ShadeScratch, Surface, Surfaces};

@@ -7,6 +7,7 @@ use glam::Vec3;
 use heliostat_scene::{AlphaMode, Material, MaterialId, MaterialOverride, ShaderRef, TextureId, TextureRef};
 
 use crate::albedo::InterfaceTables;
+use crate::attribute::AttributeInput;
 use crate::closure::Closure;
 use crate::color::Rgba;
 use crate::lanes::{Real, Vector};
@@ -175,6 +176,13 @@ impl SurfaceMaterial {
     /// Whether it has maps of normals, which take axes of tangent space.
     pub(crate) fn has_normal_maps(&self) -> bool {
         self.normal.is_some() || self.coat_normal.is_some()
+    }
+
+    /// The parameters of its shader that take their values from attributes.
+    #[inline]
+    pub(crate) fn attribute_inputs(&self) -> impl Iterator<Item = &AttributeInput> {
+        let inputs = self.shader.iter().flat_map(|shader| &shader.inputs);
+        inputs.filter_map(|input| input.attribute())
     }
 
     /// Whether points need texture coordinates.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A};
 use heliostat_kernel::Aabb;
-use heliostat_scene::{Geometry, GeometryId, InstanceId, ObjectId};
+use heliostat_scene::{Attributes, Geometry, GeometryId, InstanceId, ObjectId};
 
 use crate::reflectors::shape_bounds;
 
@@ -17,15 +17,17 @@ pub struct ShadedPart {
     pub material: u32,
     /// The handle.
     pub geometry: GeometryId,
+    /// The geometry's attributes.
+    pub attributes: Arc<Attributes>,
     /// Around the shape over the whole shutter interval, object space.
     pub bounds: Aabb,
 }
 
 impl ShadedPart {
     /// A part with its bounds.
-    pub fn new(shape: Geometry, material: u32, geometry: GeometryId) -> Self {
+    pub fn new(shape: Geometry, material: u32, geometry: GeometryId, attributes: Arc<Attributes>) -> Self {
         let bounds = shape_bounds(&shape);
-        Self { shape, material, geometry, bounds }
+        Self { shape, material, geometry, attributes, bounds }
     }
 }
 

@@ -5,7 +5,7 @@ use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Geometry, Mesh, Quadric};
 
 use crate::basis::Basis;
-use crate::camera::Cone;
+use crate::camera::{Cone, Viewer};
 use crate::lanes::{Floats, Real, Vector, Vectors};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
 use crate::placement::Placement;
@@ -49,6 +49,10 @@ pub struct Points {
     pub object_from_world: [Vectors; 3],
     /// Axes of tangent space for the normal map and for the coat's; zero where there are none.
     pub tangents: [[Vectors; 2]; 2],
+    /// Values of the parameters that take them from attributes, for materials whose shader has such.
+    pub attributes: Vec<Vectors>,
+    /// From where the frame is seen, if it is for one.
+    pub viewer: Option<Viewer>,
 }
 
 /// Squares side by side that cover a long footprint.
@@ -139,11 +143,18 @@ impl Points {
         let z = Vector::<F>::load(token, z, lane);
         let tangent = Basis::from_normal(Vector::<F>::load(token, &self.normal, lane));
         let (a, b) = (tangent.x, tangent.y);
+        let position = Vector::load(token, &self.position, lane);
+        let eye = match self.viewer {
+            None => wo,
+            Some(Viewer::At(at)) => (Vector::constant(token, at) - position).normalized_or(wo),
+            Some(Viewer::Towards(direction)) => Vector::constant(token, direction),
+        };
         Point {
-            position: Vector::load(token, &self.position, lane),
+            position,
             object_position: Vector::load(token, &self.object_position, lane),
             ng,
             wo,
+            eye,
             front: ng.dot(wo).gt(ng.x.splat(0.0)),
             uv: [F::load(token, &self.uv[0][0], lane), F::load(token, &self.uv[0][1], lane)],
             width: F::load(token, &self.width, lane),

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 use heliostat_kernel::Isa;
 use heliostat_scene::{
-    Clearcoat, ColorSpace, Image, LightKind, Material, MaterialId, Photometry, Profile, ShaderUse, Texture,
-    TextureId, TextureRef, Volume, Wrap,
+    Clearcoat, ColorSpace, Image, LightKind, Material, MaterialId, ParameterValue, Photometry, Profile,
+    ShaderUse, Texture, TextureId, TextureRef, Volume, Wrap,
 };
 
 use crate::emission::Source;
@@ -58,6 +58,8 @@ fn fill(scratch: &mut ShadeScratch, packet: usize) {
         points.color.set(lane, Vec3::new(d, 1.0, a));
         points.alpha.0[lane] = c;
         points.width.0[lane] = 0.2 * d;
+        points.attributes.resize(1, Vectors::default());
+        points.attributes[0].set(lane, Vec3::new(0.1 + c, b, a));
         let (x, y) = ng.any_orthonormal_pair();
         for tangents in &mut points.tangents {
             tangents[0].set(lane, x);
@@ -77,6 +79,8 @@ fn materials() -> Vec<Material> {
         normal_scale: 0.5,
     };
     let plastic = Material::plastic("", Vec3::new(0.8, 0.4, 0.1), 0.3);
+    let size = ParameterValue::Attribute("size".into(), Vec3::ONE);
+    let attributed = ShaderUse::named("checker").with("size", size);
     vec![
         Material::diffuse("", Vec3::new(0.7, 0.2, 0.9)),
         plastic.clone(),
@@ -90,6 +94,7 @@ fn materials() -> Vec<Material> {
         Material { emissive: Vec3::new(3.0, 2.0, 1.0), emissive_texture: texture(), ..plastic.clone() },
         Material { unlit: true, ..plastic.clone() },
         Material { shader: Some(Arc::new(ShaderUse::named("checker").with("size", 0.3))), ..plastic.clone() },
+        Material { shader: Some(Arc::new(attributed)), ..plastic.clone() },
         Material { shader: Some(Arc::new(ShaderUse::named("no such shader"))), ..plastic },
     ]
 }

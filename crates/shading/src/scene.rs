@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, PathId, Ray, SeeThrough};
-use heliostat_scene::{Light, SceneBounds};
+use heliostat_scene::{Attributes, GeometryId, Light, MaterialId, SceneBounds};
 
-use crate::camera::Cone;
+use crate::camera::{Cone, Viewer};
 use crate::emission::{EmittedRay, Source};
 use crate::environment::EnvironmentLight;
 use crate::gather::Reached;
@@ -36,6 +36,7 @@ pub struct ShadingScene {
     /// For each object the geometries that let light straight through, as [`SeeThrough`] tells them; empty if none does.
     see_through: Vec<Box<[u64]>>,
     mode: LaneMode,
+    viewer: Option<Viewer>,
     bounds: Option<SceneBounds>,
 }
 
@@ -75,6 +76,11 @@ impl ShadingScene {
         self.mode = mode;
     }
 
+    /// Says from where the frame is seen that is about to be made; `None` for what is no frame.
+    pub fn set_viewer(&mut self, viewer: Option<Viewer>) {
+        self.viewer = viewer;
+    }
+
     /// How shaders run.
     pub fn lane_mode(&self) -> LaneMode {
         self.mode
@@ -101,6 +107,42 @@ impl ShadingScene {
     /// Replaces the parts of an object by others of the same materials: its shapes changed.
     pub fn reshape(&mut self, object: u32, parts: Arc<[ShadedPart]>) {
         self.parts[object as usize] = parts;
+    }
+
+    /// Replaces the attributes of a geometry in an object, by its place in the table of parts.
+    pub fn set_attributes(&mut self, object: u32, geometry: GeometryId, attributes: &Arc<Attributes>) {
+        let parts = Arc::make_mut(&mut self.parts[object as usize]);
+        for part in parts.iter_mut().filter(|part| part.geometry == geometry) {
+            part.attributes = attributes.clone();
+        }
+    }
+
+    /// What parameters of shaders take from attributes that geometries lack, where `of` looks at a geometry with a material:
+    /// a sentence for each parameter.
+    pub fn missing_attributes(&self, of: impl Fn(MaterialId, GeometryId) -> bool) -> Vec<String> {
+        let mut problems = Vec::new();
+        for (index, material) in self.materials.iter().enumerate() {
+            for input in material.attribute_inputs() {
+                let lacks = |part: &&ShadedPart| {
+                    part.material as usize == index
+                        && of(material.id, part.geometry)
+                        && !part.attributes.contains_key(&input.name)
+                };
+                let mut lacking: Vec<GeometryId> = self
+                    .parts
+                    .iter()
+                    .flat_map(|parts| parts.iter())
+                    .filter(lacks)
+                    .map(|p| p.geometry)
+                    .collect();
+                lacking.sort_unstable();
+                lacking.dedup();
+                if let Some(first) = lacking.first() {
+                    problems.push(input.missing(&material.source().name, *first, lacking.len() - 1));
+                }
+            }
+        }
+        problems
     }
 
     /// Replaces materials, by their index.
@@ -204,6 +246,7 @@ impl ShadingScene {
             let same = (before.hit.path, before.hit.geometry) == (arrival.hit.path, arrival.hit.geometry);
             reached[lane] = if same { (arrival, placement, part) } else { self.reached(arrival) };
         }
+        scratch.points.viewer = self.viewer;
         scratch.points.gather(self.mode, material, &reached[..packet.hits.len()], &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
@@ -220,6 +263,7 @@ impl ShadingScene {
         let mut surfaces = Surfaces::default();
         let material = self.part(hit).2;
         let reached = [self.reached(Arrival { hit, ray, cone, level: 1 })];
+        scratch.points.viewer = self.viewer;
         scratch.points.gather(LaneMode::Single, material, &reached, &mut scratch.triangles);
         shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
         surfaces.lane(0)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Mat3, Vec3};
 use heliostat_scene::{
     Edit, Environment, EnvironmentMap, Gradient, InstanceId, Light, LightId, LightKind, Material, MaterialId,
-    Scene, Sky,
+    Scene, ShadedEnvironment, Sky,
 };
 use serde::{Deserialize, Serialize};
 
@@ -539,6 +539,11 @@ impl Surroundings {
                     scale: map.scale * Vec3::from(scale),
                     world_from_environment: Mat3::from_rotation_y(turn) * map.world_from_environment,
                     ..map.clone()
+                }),
+                Environment::Shader(shaded) => Environment::Shader(ShadedEnvironment {
+                    scale: shaded.scale * Vec3::from(scale),
+                    world_from_environment: Mat3::from_rotation_y(turn) * shaded.world_from_environment,
+                    ..shaded.clone()
                 }),
             },
         }

@@ -162,14 +162,14 @@ impl Effect {
         self.name.starts_with(FALSE_COLOR)
     }
 
-    /// The effect that a shader in use is; `None` if it is one of a library or has textures.
+    /// The effect that a shader in use is; `None` if it is one of a library or has textures or attributes.
     pub fn of(shader: &ShaderUse) -> Option<Self> {
         let ShaderRef::Named(name) = &shader.shader else { return None };
         let setting = |(name, value): (&String, &ParameterValue)| {
             let setting = match *value {
                 ParameterValue::Float(number) => Setting::Number(number),
                 ParameterValue::Vector(values) => Setting::Triple(values.to_array()),
-                ParameterValue::Texture(..) => return None,
+                ParameterValue::Texture(..) | ParameterValue::Attribute(..) => return None,
             };
             Some((name.clone(), setting))
         };

@@ -36,6 +36,10 @@ impl Move {
 #[derive(Debug, Default)]
 pub(super) struct Changes {
     pub(super) geometries: BTreeSet<GeometryId>,
+    /// Geometries that got attributes, others, or lost some.
+    pub(super) attributes: BTreeSet<GeometryId>,
+    /// Geometries that lost some.
+    pub(super) lost_attributes: BTreeSet<GeometryId>,
     /// Defined or replaced.
     pub(super) objects: BTreeSet<ObjectId>,
     pub(super) removed_objects: BTreeSet<ObjectId>,
@@ -78,6 +82,11 @@ impl Changes {
                     }
                 }
                 Edit::Geometry(id, _) => _ = changes.geometries.insert(*id),
+                Edit::Attribute(id, ..) => _ = changes.attributes.insert(*id),
+                Edit::RemoveAttribute(id, _) => {
+                    changes.attributes.insert(*id);
+                    changes.lost_attributes.insert(*id);
+                }
                 Edit::Object(id, _) => _ = changes.objects.insert(*id),
                 Edit::RemoveObject(id) => _ = changes.removed_objects.insert(*id),
                 Edit::Texture(id, _) => _ = changes.textures.insert(*id),
@@ -113,7 +122,10 @@ impl Changes {
         let geometry = geometries.is_empty() && objects.is_empty() && removed_objects.is_empty();
         let instances = lists.is_empty() && moves.is_empty();
         let Self { textures, removed_textures, materials, lights, environment, .. } = self;
-        let look = textures.is_empty() && removed_textures.is_empty() && materials.is_empty();
+        let look = self.attributes.is_empty()
+            && textures.is_empty()
+            && removed_textures.is_empty()
+            && materials.is_empty();
         geometry && instances && look && !lights && !environment
     }
 }

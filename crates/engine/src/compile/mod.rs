@@ -16,10 +16,13 @@ use std::time::Instant;
 use heliostat_kernel as kernel;
 use heliostat_kernel::World;
 use heliostat_scene::{
-    Applied, ApplyReport, BackendError, Edit, GeometryId, InstanceId, MaterialId, MaterialOverride, ObjectId,
-    Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target, TextureId,
+    Applied, ApplyReport, BackendError, Edit, Environment, GeometryId, InstanceId, MaterialId,
+    MaterialOverride, ObjectId, Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target,
+    TextureId,
 };
-use heliostat_shading::{EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene};
+use heliostat_shading::{
+    EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene, Viewer,
+};
 use rayon::prelude::*;
 
 use self::changes::{Cause, Changes};
@@ -130,6 +133,15 @@ impl Compiled {
         }
     }
 
+    /// Says from where the next frame is seen; `None` when it is made.
+    pub(crate) fn set_viewer(&mut self, materials: &MaterialOverride, viewer: Option<Viewer>) {
+        let tables = match &mut self.overridden {
+            Some((made_for, tables)) if made_for == materials => tables,
+            _ => &mut self.shading,
+        };
+        tables.set_viewer(viewer);
+    }
+
     /// Brings everything up to date with a scene to which `edits` have just been applied.
     ///
     /// # Errors
@@ -157,7 +169,7 @@ impl Compiled {
         let textures = stage_textures(scene, &changes, progress, &mut report)?;
         let environment = changes.environment.then(|| {
             let start = Instant::now();
-            let light = Arc::new(EnvironmentLight::new(scene.environment()));
+            let light = Arc::new(self.environment_light(scene.environment(), &mut report));
             let cause = (Target::Environment, RebuildReason::Changed);
             note(&mut report, "environment sampling table".into(), cause, RebuildKind::Built, 1, start);
             light
@@ -166,6 +178,15 @@ impl Compiled {
             return Err(BackendError::Cancelled);
         }
         Ok(Staged { changes, textures, work, trees, environment, report })
+    }
+
+    /// The environment made ready; a placeholder, and a problem, for a shader that there is not.
+    fn environment_light(&self, environment: &Environment, report: &mut ApplyReport) -> EnvironmentLight {
+        let Environment::Shader(shaded) = environment else { return EnvironmentLight::new(environment) };
+        self.shaders.environment(shaded).unwrap_or_else(|problem| {
+            report.problems.push(format!("the environment: {}; a placeholder takes its place", problem.0));
+            EnvironmentLight::new(environment)
+        })
     }
 
     fn commit(&mut self, scene: &Scene, edits: &[Edit], staged: Staged) -> Result<ApplyReport, BackendError> {

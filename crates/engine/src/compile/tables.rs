@@ -40,15 +40,22 @@ impl Compiled {
     ) {
         self.overridden = None;
         let same_materials = scene.materials().keys().eq(&self.materials);
-        let relight = if touched.structure || !same_materials {
+        let anew = touched.structure || !same_materials;
+        let relight = if anew {
             self.materials = scene.materials().keys().copied().collect();
             self.shading = self.tables(scene);
             report.problems.extend(self.shading.materials().iter().filter_map(problem));
             true
         } else {
             let materials = self.patch_materials(scene, changes, report);
-            self.patch_shapes(scene, touched) | self.patch_placements(touched) | materials
+            let shapes = self.patch_shapes(scene, touched);
+            self.patch_attributes(scene, changes);
+            shapes | self.patch_placements(touched) | materials
         };
+        let (new_materials, lost) = (&changes.materials, &changes.lost_attributes);
+        report.problems.extend(self.shading.missing_attributes(|material, geometry| {
+            anew || new_materials.contains(&material) || lost.contains(&geometry)
+        }));
         let bounds = self.bounds();
         if relight || changes.lights || changes.environment || bounds != self.lit_bounds {
             self.lit_bounds = bounds;
@@ -58,15 +65,19 @@ impl Compiled {
     }
 
     /// The tables for materials that replace those of the scene; made anew when another override is asked for.
-    pub(crate) fn prepare_override(&mut self, scene: &Scene, materials: &MaterialOverride) {
+    /// Says what these materials miss, once.
+    pub(crate) fn prepare_override(&mut self, scene: &Scene, materials: &MaterialOverride) -> Vec<String> {
         if self.overridden.as_ref().is_none_or(|(made_for, _)| made_for != materials) {
             let compiled = self.compile_materials(scene, materials);
             let parts = self.shading.parts().to_vec();
             let mut tables = ShadingScene::new(compiled, parts, self.shading.placements().clone());
             tables.set_lane_mode(self.lanes);
             tables.relight(scene.lights().values(), self.environment.clone(), self.bounds());
+            let problems = tables.missing_attributes(|_, _| true);
             self.overridden = Some((materials.clone(), tables));
+            return problems;
         }
+        Vec::new()
     }
 
     fn bounds(&self) -> Option<SceneBounds> {
@@ -155,6 +166,16 @@ impl Compiled {
         lights
     }
 
+    /// Hands over the attributes of geometries.
+    fn patch_attributes(&mut self, scene: &Scene, changes: &Changes) {
+        for id in &changes.attributes {
+            let attributes = scene.attributes().get(id).cloned().unwrap_or_default();
+            for object in self.users.get(id).into_iter().flatten() {
+                self.shading.set_attributes(self.slots[object], *id, &attributes);
+            }
+        }
+    }
+
     /// Moves the placements below moved instances. Says whether lights are among them.
     fn patch_placements(&mut self, touched: &Touched) -> bool {
         if touched.moved.values().all(Vec::is_empty) {
@@ -175,7 +196,9 @@ fn problem(material: &SurfaceMaterial) -> Option<String> {
 
 fn shaded_parts(scene: &Scene, object: &Object, slot: impl Fn(MaterialId) -> u32) -> Arc<[ShadedPart]> {
     let part = |part: &heliostat_scene::Part| {
-        ShadedPart::new(scene.geometries()[&part.geometry].clone(), slot(part.material), part.geometry)
+        let attributes = scene.attributes().get(&part.geometry).cloned().unwrap_or_default();
+        let shape = scene.geometries()[&part.geometry].clone();
+        ShadedPart::new(shape, slot(part.material), part.geometry, attributes)
     };
     object.parts.iter().map(part).collect()
 }

@@ -276,7 +276,17 @@ pub(super) struct MaterialShader {
 pub(super) enum ShaderParameter {
     Float(f32),
     Vector([f32; 3]),
+    Attribute(ShaderAttribute),
     Texture(ShaderTexture),
+}
+
+/// The name of an attribute of meshes, with what it is multiplied by.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShaderAttribute {
+    pub(super) attribute: String,
+    #[serde(default = "white")]
+    pub(super) factor: [f32; 3],
 }
 
 /// A reference to a texture, with what it is multiplied by.

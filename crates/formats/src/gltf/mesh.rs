@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
-use heliostat_scene::{Mesh, ObjectId};
+use heliostat_scene::{Attribute, AttributeScope, AttributeValues, Mesh, ObjectId};
 
 use super::Loader;
 use super::deform::{Shape, Skin};
@@ -75,6 +75,7 @@ impl Loader<'_, '_> {
             let path = format!("meshes[{mesh}].primitives[{number}]");
             let Some(shape) = self.shape(mesh, number, primitive, &path, bending)? else { continue };
             let material = self.material(primitive.material, &path)?;
+            let attributes = self.own_attributes(primitive, &path, shape.base.positions.len())?;
             let geometry = match Arc::try_unwrap(shape) {
                 Ok(shape) => self.builder.mesh(shape.into_mesh(bending.weights, &bending.joints)),
                 Err(kept) => {
@@ -84,6 +85,9 @@ impl Loader<'_, '_> {
                     geometry
                 }
             };
+            for (name, attribute) in attributes {
+                self.builder.attribute(geometry, name, attribute);
+            }
             parts.push((geometry, material));
         }
         if parts.is_empty() {
@@ -176,6 +180,41 @@ impl Loader<'_, '_> {
             uvs,
             colors,
         }))
+    }
+
+    /// The attributes whose meaning is the application's own, which have names that begin with an underscore.
+    fn own_attributes(
+        &mut self,
+        primitive: &json::Primitive,
+        path: &str,
+        count: usize,
+    ) -> Result<Vec<(String, Attribute)>, LoadError> {
+        let mut attributes = Vec::new();
+        for (name, &accessor) in primitive.attributes.iter().filter(|(name, _)| name.starts_with('_')) {
+            let user = format!("{path}.attributes.{name}");
+            let values: AttributeValues = match self.accessor(accessor, &user)?.shape.as_str() {
+                "SCALAR" => {
+                    self.read_floats::<1>(accessor, &user, &["SCALAR"], [0.0])?.into_flattened().into()
+                }
+                "VEC3" => {
+                    let values = self.read_floats(accessor, &user, &["VEC3"], [0.0; 3])?;
+                    values.into_iter().map(Vec3::from_array).collect::<Vec<_>>().into()
+                }
+                other => {
+                    let message = format!("the attribute is of type {other} and is not read");
+                    self.context.warn(self.place(&user), message, "shaders take SCALAR and VEC3");
+                    continue;
+                }
+            };
+            self.check_count(&user, values.len(), count)?;
+            if !values.is_finite() {
+                let message = "the attribute has values that are not finite and is not read";
+                self.context.warn(self.place(&user), message, "give finite numbers");
+                continue;
+            }
+            attributes.push((name.clone(), Attribute::new(AttributeScope::Vertex, values)));
+        }
+        Ok(attributes)
     }
 
     /// An optional attribute with one element per vertex; empty if absent.

@@ -14,7 +14,9 @@
 //! A material may name a surface shader in its `extras`: `{"heliostat_shader": {"name": "checker"}}` one of the engine's
 //! own, `{"heliostat_shader": {"plugin": "FILE", "shader": "NAME"}}` one of a shared library in the document's folder.
 //! `"parameters": {…}` beside it sets them to numbers, `[x, y, z]`, or textures: `{"index": 0, "factor": [r, g, b]}`, with
-//! `"linear": true` for data and what else a reference to a texture may have.
+//! `"linear": true` for data and what else a reference to a texture may have; or to attributes of the meshes:
+//! `{"attribute": "_NAME", "factor": [x, y, z]}`. Attributes whose names begin with `_`, numbers or vectors of three, are read
+//! for that.
 //!
 //! EXT_lights_ies names measured lights (see [`ies`](mod@crate::ies)). A node's `extras` may make it a projector:
 //! `{"heliostat_projector": {"image": 0, "intensity": [r, g, b], "vertical_fov": 0.8}}` throws an image of the document along

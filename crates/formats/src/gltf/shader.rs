@@ -59,6 +59,10 @@ impl Loader<'_, '_> {
                 let value = Vec3::from_array(*value);
                 (ParameterValue::Vector(value), value.is_finite())
             }
+            ShaderParameter::Attribute(attribute) => {
+                let factor = Vec3::from_array(attribute.factor);
+                (ParameterValue::Attribute(attribute.attribute.clone(), factor), factor.is_finite())
+            }
             ShaderParameter::Texture(texture) => {
                 let color_space = if texture.linear { ColorSpace::Linear } else { ColorSpace::Srgb };
                 let factor = Vec3::from_array(texture.factor);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::Vec3;
-use heliostat_scene::{ParameterValue, ShaderRef};
+use heliostat_scene::{Attribute, AttributeScope, GeometryId, ParameterValue, ShaderRef};
 use serde_json::{Value, json};
 
 use super::tests::{applied, data_uri, material, read, scene, triangle};
@@ -84,4 +84,57 @@ fn mistakes_cost_the_shader_and_not_the_scene() {
         read(&document(json!({"heliostat_shader": {"name": "a", "parameters": {"x": 1e39}}}))).unwrap();
     assert_eq!(loaded.diagnostics.len(), 1, "{:?}", loaded.diagnostics);
     assert!(material(&applied(&loaded)).shader.as_ref().unwrap().parameters.is_empty());
+}
+
+/// A triangle with an attribute of its own of three elements, and a material whose shader takes it.
+fn attributed(kind: &str, components: &[f32]) -> Value {
+    let bytes: Vec<u8> = components.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let shader = json!({"name": "checker", "parameters": {"size": {"attribute": "_HEAT", "factor": [2, 2, 2]},
+        "first": {"attribute": "_HEAT"}}});
+    let mut document = document(json!({"heliostat_shader": shader}));
+    let add = |document: &mut Value, list: &str, value: Value| {
+        let values = document[list].as_array_mut().expect("a list");
+        values.push(value);
+        values.len() - 1
+    };
+    let buffer = json!({"byteLength": bytes.len(), "uri": data_uri(&bytes)});
+    let buffer = add(&mut document, "buffers", buffer);
+    let view = json!({"buffer": buffer, "byteLength": bytes.len()});
+    let view = add(&mut document, "bufferViews", view);
+    let accessor = json!({"bufferView": view, "componentType": 5126, "count": 3, "type": kind});
+    let accessor = add(&mut document, "accessors", accessor);
+    document["meshes"][0]["primitives"][0]["attributes"]["_HEAT"] = json!(accessor);
+    document
+}
+
+#[test]
+fn shaders_take_attributes_of_meshes() {
+    let scene = scene(&attributed("SCALAR", &[1.0, 2.0, 4.0]));
+    let shader = material(&scene).shader.as_ref().unwrap();
+    assert_eq!(shader.parameters["size"], ParameterValue::Attribute("_HEAT".into(), Vec3::splat(2.0)));
+    assert_eq!(shader.parameters["first"], ParameterValue::Attribute("_HEAT".into(), Vec3::ONE));
+    let attributes = &scene.attributes()[&GeometryId(0)];
+    let expected = Attribute::new(AttributeScope::Vertex, vec![1.0, 2.0, 4.0]);
+    assert_eq!(attributes.iter().collect::<Vec<_>>(), [(&"_HEAT".to_owned(), &expected)]);
+    let colors = [Vec3::X, Vec3::Y, Vec3::Z];
+    let flat: Vec<f32> = colors.iter().flat_map(|color| color.to_array()).collect();
+    let vectors = super::tests::scene(&attributed("VEC3", &flat));
+    let expected = Attribute::new(AttributeScope::Vertex, colors.to_vec());
+    assert_eq!(vectors.attributes()[&GeometryId(0)]["_HEAT"], expected);
+}
+
+#[test]
+fn attributes_that_shaders_cannot_take_are_left_out_with_a_warning() {
+    for (kind, components, problem) in
+        [("VEC2", &[0.0; 6][..], "type VEC2"), ("SCALAR", &[0.0, f32::NAN, 0.0][..], "not finite")]
+    {
+        let loaded = read(&attributed(kind, components)).unwrap();
+        assert_eq!(loaded.diagnostics.len(), 1, "{:?}", loaded.diagnostics);
+        assert!(loaded.diagnostics[0].message.contains(problem), "{:?}", loaded.diagnostics);
+        assert!(applied(&loaded).attributes().is_empty());
+    }
+    let mut short = attributed("SCALAR", &[1.0, 2.0, 4.0]);
+    short["accessors"].as_array_mut().unwrap().last_mut().unwrap()["count"] = json!(2);
+    let error = read(&short).unwrap_err().to_string();
+    assert!(error.contains("2 elements for 3 positions"), "{error}");
 }

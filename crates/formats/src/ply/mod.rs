@@ -3,8 +3,10 @@
 //! Read are, of element `vertex`: `x y z`, `nx ny nz`, `red green blue alpha` (also `r g b a` and `diffuse_red` …)
 //! and texture coordinates (`s t`, `u v`, `texture_u texture_v`, `texture_s texture_t`, v upwards); of element
 //! `face`: the list `vertex_indices` or `vertex_index`, any polygons; of element `tristrips`: `vertex_indices` with
-//! −1 between strips. Everything else is skipped. Integer colours are sRGB and become linear; float colours are
-//! linear. A file with neither faces nor strips is a point cloud, of which nothing is shown.
+//! −1 between strips. Further scalar properties of these become attributes: those of vertices under their name, those of
+//! faces and strips as `face_NAME`, with `red green blue` as the one vector `face_color`. Everything else is skipped.
+//! Integer colours are sRGB and become linear; float colours are linear. A file with neither faces nor strips is a point
+//! cloud, of which nothing is shown.
 //!
 //! Meshes without normals get smooth ones, weighted by angle: PLY files mostly hold scans.
 //!
@@ -14,7 +16,9 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
-use heliostat_scene::{ColorSpace, Edit, Material, Mesh, SceneBuilder, Texture, TextureRef};
+use heliostat_scene::{
+    Attribute, AttributeScope, ColorSpace, Edit, Material, Mesh, SceneBuilder, Texture, TextureRef,
+};
 
 use crate::context::Context;
 use crate::error::LoadError;
@@ -23,9 +27,11 @@ use crate::normals::smooth_normals;
 use crate::place::Place;
 use crate::textures::ImageFiles;
 use crate::triangulate::Triangulator;
+use columns::Columns;
 use header::{Element, Encoding, Header, Kind, Property, Type};
 use values::{Ascii, Binary, Values};
 
+mod columns;
 mod header;
 mod values;
 
@@ -35,12 +41,12 @@ mod tests;
 pub(crate) fn load(context: &mut Context<'_>, file: &Arc<str>, bytes: &[u8]) -> Result<Vec<Edit>, LoadError> {
     let header = Header::parse(file, bytes)?;
     let body = header.body;
-    let mesh = match header.encoding {
+    let (mesh, attributes) = match header.encoding {
         Encoding::Ascii => read_body(context, file, &header, Ascii::new(file, bytes, body, header.lines)),
         Encoding::LittleEndian => read_body(context, file, &header, Binary::<false>::new(file, bytes, body)),
         Encoding::BigEndian => read_body(context, file, &header, Binary::<true>::new(file, bytes, body)),
     }?;
-    build(context, file, &header, mesh)
+    build(context, file, &header, mesh, attributes)
 }
 
 fn build(
@@ -48,6 +54,7 @@ fn build(
     file: &Arc<str>,
     header: &Header,
     mesh: Mesh,
+    attributes: Vec<(String, Attribute)>,
 ) -> Result<Vec<Edit>, LoadError> {
     if mesh.indices.is_empty() {
         let points = mesh.positions.len();
@@ -70,6 +77,9 @@ fn build(
     }
     let material = builder.material(material);
     let mesh = builder.mesh(mesh);
+    for (name, attribute) in attributes {
+        builder.attribute(mesh, name, attribute);
+    }
     let object = builder.object(name, [(mesh, material)]);
     builder.instance(object, Affine3A::IDENTITY);
     Ok(builder.finish())
@@ -80,7 +90,7 @@ fn read_body(
     file: &Arc<str>,
     header: &Header,
     mut values: impl Values,
-) -> Result<Mesh, LoadError> {
+) -> Result<(Mesh, Vec<(String, Attribute)>), LoadError> {
     let mut vertices = Vertices::default();
     let mut faces = Faces::default();
     for element in &header.elements {
@@ -97,7 +107,11 @@ fn read_body(
         context.charge_array(vertices_count, size_of::<Vec3>(), &Place::whole(file))?;
         vertices.normals = smooth_normals(&vertices.positions, &faces.triangles);
     }
-    Ok(Mesh {
+    let place = Place::whole(file);
+    let of_vertices = vertices.columns;
+    let mut attributes = of_vertices.attributes(context, AttributeScope::Vertex, vertices_count, &place);
+    attributes.extend(faces.columns.attributes(context, AttributeScope::Primitive, triangles, &place));
+    let mesh = Mesh {
         motion: [].into(),
         positions: vertices.positions.into(),
         indices: faces.triangles.into(),
@@ -105,7 +119,8 @@ fn read_body(
         tangents: Vec::new(),
         uvs: [vertices.uvs, Vec::new()],
         colors: vertices.colors,
-    })
+    };
+    Ok((mesh, attributes))
 }
 
 /// Refuses counts that the rest of the file cannot hold, before anything is reserved for them.
@@ -122,7 +137,7 @@ fn check_count(element: &Element, encoding: Encoding, bytes_left: usize) -> Resu
     Err(LoadError::input(element.place.clone(), problem, "correct the count; the file may be truncated"))
 }
 
-/// What a vertex can have; the last slot takes what is of no interest.
+/// What a vertex can have; the last slot takes what becomes an attribute or is of no interest.
 const SLOTS: [&[&str]; 12] = [
     &["x"],
     &["y"],
@@ -144,6 +159,7 @@ struct Vertices {
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     colors: Vec<Vec4>,
+    columns: Columns,
 }
 
 impl Vertices {
@@ -161,21 +177,28 @@ impl Vertices {
             return Err(LoadError::input(element.place.clone(), problem, "add the property"));
         }
         let (normals, colors, uvs) = (has(3..6), has(6..9), has(10..12));
+        let is_known = |name: &str| SLOTS.iter().any(|names| names.contains(&name));
+        let mut layout = self.columns.layout(element, |name| !is_known(name));
         // `check_count` has shown that the file can hold this many.
         let count = element.count as usize;
+        context.charge_array(count, 4 * layout.len(), &element.place)?;
         self.reserve(context, element, count, [normals, colors, uvs])?;
         let mut fields = [0.0f32; SLOTS.len() + 1];
         fields[9] = 1.0;
         for _ in 0..count {
-            for (property, &slot) in element.properties.iter().zip(&slots) {
+            for (number, (property, &slot)) in element.properties.iter().zip(&slots).enumerate() {
                 match property.kind {
                     Kind::Scalar(kind) if (6..10).contains(&slot) => {
                         fields[slot] = color_value(values.float(kind)?, kind, slot == 9);
                     }
-                    Kind::Scalar(kind) => fields[slot] = values.float(kind)?,
+                    Kind::Scalar(kind) => {
+                        fields[slot] = values.float(kind)?;
+                        layout.take(number, &property.name, kind, fields[slot]);
+                    }
                     Kind::List { count, item } => skip_list(count, item, values)?,
                 }
             }
+            self.columns.push(&layout, 1);
             self.positions.push(Vec3::new(fields[0], fields[1], fields[2]));
             if normals {
                 self.normals.push(Vec3::new(fields[3], fields[4], fields[5]));
@@ -239,6 +262,7 @@ struct Faces {
     corners: Vec<u32>,
     points: Vec<Vec3>,
     triangulator: Triangulator,
+    columns: Columns,
 }
 
 impl Faces {
@@ -257,10 +281,14 @@ impl Faces {
             let message = "texture coordinates per face are not read";
             context.warn(element.place.clone(), message, "export them per vertex");
         }
-        let limit = context.limits.triangles.min(context.memory_left() / 12);
+        let mut layout = self.columns.layout(element, |_| true);
+        let each = 12 + 4 * layout.len() as u64;
+        let limit = context.limits.triangles.min(context.memory_left() / each);
+        let first = self.triangles.len();
         self.triangles.reserve((element.count.min(limit) as usize).min(values.bytes_left()));
         for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
-            for property in &element.properties {
+            let before = self.triangles.len();
+            for (number, property) in element.properties.iter().enumerate() {
                 match property.kind {
                     Kind::List { count, item } if is_indices(property) => {
                         let length = list_length(count, values)?;
@@ -271,15 +299,16 @@ impl Faces {
                         }
                     }
                     Kind::List { count, item } => skip_list(count, item, values)?,
-                    Kind::Scalar(kind) => _ = values.float(kind)?,
+                    Kind::Scalar(kind) => layout.take(number, &property.name, kind, values.float(kind)?),
                 }
             }
             if self.triangles.len() as u64 > limit {
                 let count = self.triangles.len() as u64;
                 return Err(LoadError::limit(element.place.clone(), "triangles", count, "triangles", limit));
             }
+            self.columns.push(&layout, self.triangles.len() - before);
         }
-        Ok(())
+        context.charge_array(self.triangles.len() - first, 4 * layout.len(), &element.place)
     }
 
     fn polygon(

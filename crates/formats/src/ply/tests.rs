@@ -1,5 +1,7 @@
 //! Tests of the PLY importer.
 
+use std::collections::BTreeMap;
+
 use heliostat_scene::Geometry;
 
 use super::*;
@@ -168,4 +170,82 @@ fn errors_say_where_and_what() {
     let limits = Limits { triangles: 1, ..Limits::default() };
     let limit = load_bytes("a.ply", SQUARE.as_bytes(), &NoFiles, &limits).unwrap_err();
     assert!(matches!(limit, LoadError::Limit(_)) && limit.to_string().contains("Limits::triangles"));
+}
+
+/// The attributes by name.
+fn attributes(loaded: &Loaded) -> BTreeMap<String, Attribute> {
+    let attribute = |edit: &Edit| match edit {
+        Edit::Attribute(_, name, attribute) => Some((name.clone(), attribute.clone())),
+        _ => None,
+    };
+    loaded.edits.iter().filter_map(attribute).collect()
+}
+
+/// A triangle and a square with two properties of vertices and of faces beyond the usual ones.
+const MEASURED: &str = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+    property float z\nproperty float quality\nproperty short label\nelement face 2\nproperty uchar red\n\
+    property list uchar int vertex_indices\nproperty uchar green\nproperty uchar blue\nproperty float quality\n\
+    end_header\n0 0 0 0.5 -1\n1 0 0 1.5 2\n1 1 0 2.5 3\n0 1 0 3.5 4\n2 0 0 4.5 5\n\
+    255 4 0 1 2 3 0 188 7\n0 3 1 4 2 255 0 -8\n";
+
+#[test]
+fn further_properties_become_attributes() {
+    let loaded = read(MEASURED.as_bytes()).unwrap();
+    assert_eq!(loaded.diagnostics, []);
+    let mesh = mesh_of(&loaded);
+    assert_eq!((mesh.indices.len(), mesh.colors.len()), (3, 0));
+    let attributes = attributes(&loaded);
+    let names: Vec<&str> = attributes.keys().map(String::as_str).collect();
+    assert_eq!(names, ["face_color", "face_quality", "label", "quality"]);
+    let per_vertex = |values: [f32; 5]| Attribute::new(AttributeScope::Vertex, values.to_vec());
+    assert_eq!(attributes["quality"], per_vertex([0.5, 1.5, 2.5, 3.5, 4.5]));
+    assert_eq!(attributes["label"], per_vertex([-1.0, 2.0, 3.0, 4.0, 5.0]));
+    let per_face = Attribute::new(AttributeScope::Primitive, vec![7.0, 7.0, -8.0]);
+    assert_eq!(attributes["face_quality"], per_face, "both triangles of the square have its value");
+    let grey = srgb_to_linear(188.0 / 255.0);
+    let square = Vec3::new(1.0, 0.0, grey);
+    let colors = Attribute::new(AttributeScope::Primitive, vec![square, square, Vec3::Y]);
+    assert_eq!(attributes["face_color"], colors);
+    let mut scene = heliostat_scene::Scene::default();
+    scene.apply(&loaded.edits).expect("the attributes fit their mesh");
+}
+
+#[test]
+fn attributes_that_make_no_sense_are_left_out_with_a_warning() {
+    let broken = MEASURED.replace("2 3\n1 1 0 2.5 3", "2 3").replace("0 0 0 0.5", "0 0 0 nan");
+    let loaded = read(broken.as_bytes()).unwrap();
+    assert_eq!(loaded.diagnostics.len(), 1, "{:?}", loaded.diagnostics);
+    assert!(loaded.diagnostics[0].message.contains("`quality` of vertices has values that are not finite"));
+    assert!(!attributes(&loaded).contains_key("quality") && attributes(&loaded).contains_key("label"));
+    let strips = MEASURED
+        .replace("end_header", "element tristrips 1\nproperty list int int vertex_indices\nend_header");
+    let loaded = read((strips + "3 0 1 2\n").as_bytes()).unwrap();
+    assert!(loaded.diagnostics.iter().any(|d| d.message.contains("`quality` of faces is not there once")));
+    assert!(attributes(&loaded).keys().all(|name| !name.starts_with("face_")));
+}
+
+#[test]
+fn attributes_count_as_memory() {
+    let least = |text: &str| {
+        let load = |memory_bytes| {
+            let limits = Limits { memory_bytes, ..Limits::default() };
+            load_bytes("a.ply", text.as_bytes(), &NoFiles, &limits)
+        };
+        (0..4096).find(|&bytes| load(bytes).is_ok()).expect("enough")
+    };
+    // Lists are read and thrown away.
+    let plain = MEASURED
+        .replace("property float quality\nproperty short label", "property list uchar short ignored")
+        .replace("property float quality", "property list uchar uchar i");
+    let plain = ["0.5 -1", "1.5 2", "2.5 3", "3.5 4", "4.5 5"]
+        .iter()
+        .fold(plain, |text, row| text.replace(row, "0"))
+        .replace(" 188 7", " 188 0")
+        .replace(" 0 -8", " 0 0");
+    // Two numbers for each of five vertices; beside the colour, which both have, one for each of three triangles.
+    let pad = "comment ".len() + 1;
+    let comment = format!("comment {}\nelement vertex", "x".repeat(MEASURED.len() - plain.len() - pad));
+    let plain = plain.replace("element vertex", &comment);
+    assert_eq!(plain.len(), MEASURED.len());
+    assert_eq!(least(MEASURED) - least(&plain), 4 * (2 * 5 + 3));
 }

@@ -17,6 +17,7 @@ use crate::packet::on_lanes;
 use crate::shader::Parameter;
 use crate::surface::LaneMode;
 
+pub use crate::shader::Constants as PixelValues;
 pub use curves::filmic;
 pub use registry::{BoundPixelShader, PixelProgram, PixelRegistry};
 
@@ -132,27 +133,6 @@ fn normals(frame: &PixelFrame<'_>, column: usize, row: usize, [right, down]: [is
     for lane in 0..WIDTH {
         let at = 3 * frame.index((column + lane) as isize + right, row as isize + down);
         out.set(lane, frame.normal.get(at..at + 3).map_or(Vec3::ZERO, Vec3::from_slice));
-    }
-}
-
-/// The values of a shader's parameters: the same for all pixels.
-#[derive(Clone, Copy, Debug)]
-pub struct PixelValues<'a, F: Real> {
-    token: F::Token,
-    values: &'a [Vec3],
-}
-
-impl<F: Real> PixelValues<'_, F> {
-    /// The parameter at a place of [`PixelInfo::parameters`], as a colour.
-    #[inline(always)]
-    pub fn vector(&self, parameter: usize) -> Vector<F> {
-        Vector::constant(self.token, self.values[parameter])
-    }
-
-    /// The parameter as a number.
-    #[inline(always)]
-    pub fn float(&self, parameter: usize) -> F {
-        F::constant(self.token, self.values[parameter].x)
     }
 }
 

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
-use heliostat_scene::{ParameterValue, ShaderRef, ShaderUse};
+use heliostat_scene::{ShaderRef, ShaderUse};
 
 use super::{OnLanes, PixelFrame, PixelInfo, PixelShader, curves, effects};
-use crate::shader::{ParameterKind, ShaderProblem};
+use crate::shader::{ShaderProblem, constants};
 use crate::surface::LaneMode;
 
 /// A pixel shader over rows in memory: what the engine calls.
@@ -78,33 +78,7 @@ impl PixelRegistry {
             return problem(format!("there is no pixel shader `{name}`; there are: {}", known.join(", ")));
         };
         let info = program.info();
-        let mut values: Vec<Vec3> = info.parameters.iter().map(|p| p.default.into()).collect();
-        for (parameter, value) in &wanted.parameters {
-            let Some(place) = info.parameters.iter().position(|p| p.name == *parameter) else {
-                let known: Vec<&str> = info.parameters.iter().map(|p| p.name.as_str()).collect();
-                let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-                return problem(format!(
-                    "pixel shader `{name}` has no parameter `{parameter}`; it has: {known}"
-                ));
-            };
-            let value = match value {
-                ParameterValue::Float(value) => Vec3::splat(*value),
-                ParameterValue::Vector(value) => *value,
-                ParameterValue::Texture(..) => {
-                    return problem(format!("`{parameter}` of pixel shader `{name}` cannot be a texture"));
-                }
-            };
-            let described = &info.parameters[place];
-            let value = if described.kind == ParameterKind::Float { Vec3::splat(value.x) } else { value };
-            let [low, high] = described.range;
-            let inside = value.cmpge(Vec3::splat(low)).all() && value.cmple(Vec3::splat(high)).all();
-            if !inside {
-                return problem(format!(
-                    "`{parameter}` of pixel shader `{name}` is {value}; give values from {low} to {high}"
-                ));
-            }
-            values[place] = value;
-        }
+        let values = constants(&format!("pixel shader `{name}`"), &info.parameters, wanted)?;
         Ok(BoundPixelShader { program: program.clone(), values })
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::attribute::AttributeInput;
 use crate::lanes::{Real, Vector, Vectors};
 use crate::material::{Slot, TextureCoordinates};
 use crate::point::Points;
@@ -10,46 +11,72 @@ use crate::texture::Footprint;
 /// Where a parameter's value comes from.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// In the parameter's range; numbers have three equal components.
+    /// Numbers have three equal components. In the parameter's range, unless it multiplies an attribute.
     pub(crate) factor: Vec3,
-    /// Multiplies the factor.
-    pub(crate) texture: Option<Slot>,
+    pub(crate) source: InputSource,
+}
+
+/// What multiplies the factor of an input.
+#[derive(Clone, Debug)]
+pub(crate) enum InputSource {
+    /// Nothing.
+    Constant,
+    /// A texture.
+    Texture(Slot),
+    /// An attribute of the geometry. The product is at the points already.
+    Attribute(AttributeInput),
 }
 
 impl Input {
     /// The same value everywhere.
     pub fn constant(value: Vec3) -> Self {
-        Self { factor: value, texture: None }
+        Self { factor: value, source: InputSource::Constant }
     }
 
-    /// The value, or what the texture is multiplied by.
+    /// The value, or what the texture or the attribute is multiplied by.
     pub fn factor(&self) -> Vec3 {
         self.factor
     }
 
-    /// Whether a texture makes it vary from point to point.
-    pub fn is_textured(&self) -> bool {
-        self.texture.is_some()
+    /// Whether a texture or an attribute makes it vary from point to point.
+    pub fn varies(&self) -> bool {
+        !matches!(self.source, InputSource::Constant)
+    }
+
+    pub(crate) fn attribute(&self) -> Option<&AttributeInput> {
+        match &self.source {
+            InputSource::Attribute(attribute) => Some(attribute),
+            _ => None,
+        }
     }
 
     /// The values at the first `count` points.
     pub fn values(&self, points: &Points, count: usize, out: &mut Vectors) {
         for lane in 0..count {
-            let texel = self
-                .texture
-                .as_ref()
-                .map_or(Vec3::ONE, |slot| slot.lookup(&points.coordinates::<f32>((), lane)).rgb.into());
-            out.set(lane, self.factor * texel);
+            let value = match &self.source {
+                InputSource::Constant => self.factor,
+                InputSource::Texture(slot) => {
+                    let texel: Vec3 = slot.lookup(&points.coordinates::<f32>((), lane)).rgb.into();
+                    self.factor * texel
+                }
+                InputSource::Attribute(attribute) => points.attributes[attribute.slot].get(lane),
+            };
+            out.set(lane, value);
         }
     }
 
-    /// The value, and the texture's alpha, at texture coordinates other than those of the point, filtered over `width` of
-    /// them. Anything that is not finite counts as 0.
-    pub fn sample(&self, uv: Vec2, width: f32) -> Vec4 {
-        let Some(slot) = &self.texture else { return self.factor.extend(1.0) };
-        let square = Footprint { uv: uv.to_array(), lod: width.log2(), along: [0.0; 2], probes: 1.0 };
-        let texel = slot.filtered::<f32>(square);
-        (self.factor * Vec3::from(texel.rgb)).extend(texel.a)
+    /// The value in a lane, and the texture's alpha, at texture coordinates other than those of the point, filtered over
+    /// `width` of them. Anything that is not finite counts as 0. Values without a texture are those of the point.
+    pub fn sample(&self, points: &Points, lane: usize, uv: Vec2, width: f32) -> Vec4 {
+        match &self.source {
+            InputSource::Constant => self.factor.extend(1.0),
+            InputSource::Texture(slot) => {
+                let square = Footprint { uv: uv.to_array(), lod: width.log2(), along: [0.0; 2], probes: 1.0 };
+                let texel = slot.filtered::<f32>(square);
+                (self.factor * Vec3::from(texel.rgb)).extend(texel.a)
+            }
+            InputSource::Attribute(attribute) => points.attributes[attribute.slot].get(lane).extend(1.0),
+        }
     }
 }
 
@@ -59,12 +86,16 @@ pub struct Inputs<'a, F: Real> {
     token: F::Token,
     inputs: &'a [Input],
     at: TextureCoordinates<F>,
+    attributes: &'a [Vectors],
+    /// The first lane.
+    lane: usize,
 }
 
 impl<'a, F: Real> Inputs<'a, F> {
     #[inline(always)]
-    pub(crate) fn new(token: F::Token, lane: usize, inputs: &'a [Input], points: &Points) -> Self {
-        Self { token, inputs, at: points.coordinates(token, lane) }
+    pub(crate) fn new(token: F::Token, lane: usize, inputs: &'a [Input], points: &'a Points) -> Self {
+        let (at, attributes) = (points.coordinates(token, lane), &points.attributes[..]);
+        Self { token, inputs, at, attributes, lane }
     }
 
     /// The parameter at a place of [`ShaderInfo::parameters`](super::ShaderInfo::parameters), as a vector or colour.
@@ -72,9 +103,12 @@ impl<'a, F: Real> Inputs<'a, F> {
     pub fn vector(&self, parameter: usize) -> Vector<F> {
         let input = &self.inputs[parameter];
         let factor = Vector::constant(self.token, input.factor);
-        match &input.texture {
-            Some(slot) => factor * slot.lookup(&self.at).rgb,
-            None => factor,
+        match &input.source {
+            InputSource::Constant => factor,
+            InputSource::Texture(slot) => factor * slot.lookup(&self.at).rgb,
+            InputSource::Attribute(attribute) => {
+                Vector::load(self.token, &self.attributes[attribute.slot], self.lane)
+            }
         }
     }
 
@@ -83,9 +117,12 @@ impl<'a, F: Real> Inputs<'a, F> {
     pub fn float(&self, parameter: usize) -> F {
         let input = &self.inputs[parameter];
         let factor = F::constant(self.token, input.factor.x);
-        match &input.texture {
-            Some(slot) => factor * slot.lookup(&self.at).rgb.x,
-            None => factor,
+        match &input.source {
+            InputSource::Constant => factor,
+            InputSource::Texture(slot) => factor * slot.lookup(&self.at).rgb.x,
+            InputSource::Attribute(attribute) => {
+                F::load(self.token, &self.attributes[attribute.slot].x, self.lane)
+            }
         }
     }
 

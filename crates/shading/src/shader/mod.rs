@@ -4,6 +4,7 @@
 //! [`SurfaceProgram`], which works on packets in memory; plug-ins implement the same interface from outside.
 
 mod builtin;
+mod constants;
 mod inputs;
 mod registry;
 #[cfg(test)]
@@ -22,6 +23,9 @@ use crate::surface::LaneMode;
 
 pub(crate) use builtin::cube_helix;
 pub use builtin::heat_color;
+pub use constants::Constants;
+pub(crate) use constants::constants;
+pub(crate) use inputs::InputSource;
 pub use inputs::{Input, Inputs};
 pub(crate) use registry::Bound;
 pub use registry::{PluginSource, ShaderProblem, ShaderRegistry};
@@ -93,8 +97,11 @@ pub struct Point<F: Real> {
     pub object_position: Vector<F>,
     /// Unit geometric normal in world space, on the front side.
     pub ng: Vector<F>,
-    /// Unit vector towards the viewer, world space.
+    /// Unit vector towards where the ray came from, world space.
     pub wo: Vector<F>,
+    /// Unit vector towards the camera of the frame, world space, whatever ray arrived: the same for light and in mirrors.
+    /// Where there is no frame, as when lamps are measured, it is `wo`.
+    pub eye: Vector<F>,
     /// Whether the viewer sees the front.
     pub front: F::Mask,
     /// First set of texture coordinates.

@@ -4,22 +4,27 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use heliostat_scene::{ParameterValue, ShaderRef, ShaderUse, TextureId};
+use heliostat_scene::{ParameterValue, ShadedEnvironment, ShaderRef, ShaderUse, TextureId};
 
 use super::builtin;
 use super::{
-    Input, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, SurfaceProgram, SurfaceShader,
+    Input, InputSource, Inputs, OnLanes, Parameter, ParameterKind, Point, ShaderInfo, SurfaceProgram,
+    SurfaceShader, constants,
 };
+use crate::attribute::AttributeInput;
 use crate::closure::Closure;
+use crate::environment::EnvironmentLight;
+use crate::environment_shader::{EnvironmentProgram, EnvironmentShader, ShaderLight, environment_program};
 use crate::lanes::{Real, Vector};
 use crate::lobe_set::Lobes;
 use crate::material::Slot;
 use crate::texture::MipMap;
 
-/// The surface shaders that materials can name.
+/// The surface shaders that materials can name, and the environment shaders that scenes can.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderRegistry {
     programs: BTreeMap<String, Arc<dyn SurfaceProgram>>,
+    environments: BTreeMap<String, Arc<dyn EnvironmentProgram>>,
     plugins: Option<Arc<dyn PluginSource>>,
 }
 
@@ -63,7 +68,33 @@ impl ShaderRegistry {
         self.programs.insert(program.info().name, program);
     }
 
-    /// All shaders by name.
+    /// Adds an environment shader under its name, in place of one that has it already.
+    pub fn register_environment(&mut self, shader: impl EnvironmentShader) {
+        let name = shader.info().name;
+        self.environments.insert(name, environment_program(shader));
+    }
+
+    /// The environment that a scene names, made ready.
+    ///
+    /// # Errors
+    /// [`ShaderProblem`] if there is no such shader or parameter, or a value is out of range or varies.
+    pub fn environment(&self, wanted: &ShadedEnvironment) -> Result<EnvironmentLight, ShaderProblem> {
+        let ShaderRef::Named(name) = &wanted.shader.shader else {
+            let text =
+                "environment shaders come from the program, not from plug-ins; register it and name it";
+            return Err(ShaderProblem(text.into()));
+        };
+        let program = self.environments.get(name).ok_or_else(|| {
+            let known: Vec<&str> = self.environments.keys().map(String::as_str).collect();
+            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+            ShaderProblem(format!("there is no environment shader `{name}`; there are: {known}"))
+        })?;
+        let what = format!("environment shader `{name}`");
+        let values = constants(&what, &program.info().parameters, &wanted.shader)?;
+        Ok(EnvironmentLight::Shader(ShaderLight::new(program.clone(), values, wanted)))
+    }
+
+    /// All surface shaders by name.
     pub fn programs(&self) -> &BTreeMap<String, Arc<dyn SurfaceProgram>> {
         &self.programs
     }
@@ -144,19 +175,26 @@ fn inputs(
     wanted: &ShaderUse,
     textures: &BTreeMap<TextureId, Arc<MipMap>>,
 ) -> Vec<Input> {
+    let mut slots = 0_usize..;
     let input = |parameter: &Parameter| {
-        let (value, texture) = match wanted.parameters.get(&parameter.name) {
-            None => (parameter.default.into(), None),
-            Some(ParameterValue::Float(value)) => (glam::Vec3::splat(*value), None),
-            Some(ParameterValue::Vector(value)) => (*value, None),
+        let constant = InputSource::Constant;
+        let (value, source) = match wanted.parameters.get(&parameter.name) {
+            None => (parameter.default.into(), constant),
+            Some(ParameterValue::Float(value)) => (glam::Vec3::splat(*value), constant),
+            Some(ParameterValue::Vector(value)) => (*value, constant),
             Some(ParameterValue::Texture(reference, factor)) => {
                 let map = textures.get(&reference.texture).cloned();
-                (*factor, map.map(|map| Slot::new(map, *reference)))
+                (*factor, map.map_or(constant, |map| InputSource::Texture(Slot::new(map, *reference))))
+            }
+            Some(ParameterValue::Attribute(name, factor)) => {
+                let slot = slots.next().unwrap_or_default();
+                let attribute = AttributeInput::new(parameter, name, *factor, slot);
+                return Input { factor: *factor, source: InputSource::Attribute(attribute) };
             }
         };
         let value = if parameter.kind == ParameterKind::Float { glam::Vec3::splat(value.x) } else { value };
         let [low, high] = parameter.range.map(glam::Vec3::splat);
-        Input { factor: value.max(low).min(high), texture }
+        Input { factor: value.max(low).min(high), source }
     };
     parameters.iter().map(input).collect()
 }

@@ -90,7 +90,7 @@ impl Random {
 
 /// Every parameter at its default.
 pub(crate) fn defaults(parameters: &[Parameter]) -> Vec<Input> {
-    parameters.iter().map(|p| Input { factor: p.default.into(), texture: None }).collect()
+    parameters.iter().map(|p| Input::constant(p.default.into())).collect()
 }
 
 /// The closures of half-glossy grey plastic at points.

@@ -99,7 +99,7 @@ fn stress(mut check: impl FnMut(&str, &dyn SurfaceProgram, &Points, &[Input])) {
             let points = if round % 2 == 0 { random.points() } else { random.extreme_points() };
             let inputs: Vec<Input> = match round {
                 0 | 1 => defaults(&parameters),
-                _ => parameters.iter().map(|p| Input { factor: random.value(p), texture: None }).collect(),
+                _ => parameters.iter().map(|p| Input::constant(random.value(p))).collect(),
             };
             check(&name, &*program, &points, &inputs);
         }

@@ -1,4 +1,4 @@
-//! Cartoon shading as far as a closure goes: bands of matte colour by the angle to the viewer, and an outline.
+//! Cartoon shading as far as a closure goes: bands of matte colour by the angle to the camera, and an outline.
 
 use super::{make_matte, matte};
 use crate::closure::Closure;
@@ -11,8 +11,9 @@ const BANDS: usize = 2;
 const OUTLINE: usize = 3;
 const OUTLINE_WIDTH: usize = 4;
 
-/// Flat bands by the facing angle. A closure does not know where light comes from, so the viewer's direction stands for it;
-/// lights still add their shading and shadows.
+/// Flat bands by the facing angle. A closure does not know where light comes from, so the camera's direction stands for it;
+/// lights still add their shading and shadows. Paths of light and reflections see the bands that the camera sees: for a
+/// frame, the surface is a matte one of fixed colours.
 ///
 /// # References
 /// Lake, Marshall, Harris, Blackstein, "Stylized Rendering Techniques for Scalable Real-Time 3D Animation", 2000; Gooch,
@@ -43,7 +44,7 @@ impl SurfaceShader for Toon {
 
     #[inline(always)]
     fn shade<F: Real>(&self, at: &Point<F>, inputs: &Inputs<'_, F>, closure: &mut Closure<F>) {
-        let facing = closure.normal.dot(at.wo).abs().clamp(0.0, 1.0);
+        let facing = closure.normal.dot(at.eye).abs().clamp(0.0, 1.0);
         let bands = inputs.float(BANDS).max(inputs.constant(1.0)).floor();
         let band = (facing * bands).floor().min(bands - 1.0);
         let share = band / (bands - 1.0).max(inputs.constant(1.0));
