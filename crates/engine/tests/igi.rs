@@ -91,8 +91,16 @@ fn energy_is_that_of_the_reference() {
     let unbounded = IgiOptions { clamp: f32::INFINITY, filter: false, ..many };
     // A bound so low that much of the light comes back by short rays.
     let low = IgiOptions { clamp: 0.5, filter: false, ..many };
+    // So low that short rays find light that is itself mostly found by short rays.
+    let lower = IgiOptions { clamp: 0.05, filter: false, ..many };
     let plain = IgiOptions { interleave: [1, 1], paths: 128, ..many };
-    for (name, igi) in [("default", many), ("unbounded", unbounded), ("low bound", low), ("1×1", plain)] {
+    for (name, igi) in [
+        ("default", many),
+        ("unbounded", unbounded),
+        ("low bound", low),
+        ("lower bound", lower),
+        ("1×1", plain),
+    ] {
         let frame = render(&mut engine, &request(16, igi));
         // All but the lamp, whose edges only many samples resolve; then walls, floor and ceiling by themselves.
         assert_close(mean_of(&frame, 0..60, 16..60), mean_of(&reference, 0..60, 16..60), 0.01, name);
@@ -423,13 +431,14 @@ fn no_light_stays_behind_where_a_lamp_was() {
 #[test]
 fn depth_counts_whole_paths() {
     let mut engine = engine(room(Material::diffuse("far", Vec3::splat(0.7))), 2);
-    for depth in [2, 3] {
-        let mut request = request(16, IgiOptions { paths: 32, ..IgiOptions::default() });
+    // The bound must not make paths longer where short rays give light back.
+    for (depth, clamp) in [(2, 2.0), (3, 2.0), (3, 0.1)] {
+        let mut request = request(16, IgiOptions { paths: 32, clamp, ..IgiOptions::default() });
         request.max_depth = Some(depth);
         let reference = reference(&mut engine, &request, 256);
         let frame = render(&mut engine, &request);
         let (a, b) = (mean_of(&frame, 0..60, 16..60), mean_of(&reference, 0..60, 16..60));
-        assert_close(a, b, 0.015, &format!("depth {depth}"));
+        assert_close(a, b, 0.015, &format!("depth {depth}, bound {clamp}"));
     }
 }
 

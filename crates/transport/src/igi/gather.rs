@@ -31,7 +31,7 @@ pub(super) struct Block {
     pixels: [u32; WIDTH],
     /// What the eye sees of the point; zero for lanes without one.
     pub(super) weights: [Vec3; WIDTH],
-    edges: [u32; WIDTH],
+    pub(super) edges: [u32; WIDTH],
     /// Of the lobes that virtual point lights light.
     dull_albedo: Vectors,
     /// Largest GGX α on the way from the eye.
@@ -426,7 +426,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         (block.alive, block.most_edges) =
             alive.fold((0, 0), |(alive, edges), (lane, ray)| (alive | 1 << lane, edges.max(ray.edges)));
         let group = usize::from(self.groups[arrived.rays[0].pixel as usize]);
-        block.point = self.vpls.points[self.vpls.part(group, self.sample)];
+        [block.point, ..] = self.vpls.points[self.vpls.part(group, self.sample)];
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }
 
@@ -456,7 +456,8 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         if self.compensate {
             let blocks = &mut self.blocks[..self.used];
             let short = vpls.short_rays(part);
-            self.traced += self.residual.add(view, &vpls.sets[group], (vpls.bound, short), blocks);
+            let lights = (&vpls.sets[group][..], vpls.bound, self.max_edges);
+            self.traced += self.residual.add(view, lights, short, &vpls.points[part], blocks);
         }
         for index in 0..self.used {
             self.catch(index);

@@ -12,6 +12,7 @@ use heliostat_shading::{Sampler, Source};
 use super::importance::Contributions;
 use super::lights;
 use super::paths::{self, PathPlan, scaled};
+use super::residual::LEVELS;
 use super::sight::Sight;
 use crate::region::View;
 
@@ -98,9 +99,9 @@ pub(super) struct VplSets {
     pub(super) candidates: Vec<Vpl>,
     /// Largest geometric term that a patch may have, 1/m².
     pub(super) bound: f32,
-    /// A sample point of each part of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
+    /// Sample points of each part of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
     /// neighbours together have a well distributed handful, and what is left of the noise is smooth.
-    pub(super) points: Vec<[f32; 4]>,
+    pub(super) points: Vec<[[f32; 4]; LEVELS]>,
     /// Rays traced to make them.
     pub(super) rays: u64,
 }
@@ -154,7 +155,7 @@ impl VplSets {
         let PathPlan { sets, pass, seed, .. } = plan.paths;
         let parts = sets * plan.parts;
         let numbers = |of: u32, one, seed| Sampler::along(pass.wrapping_mul(of).wrapping_add(one), seed);
-        let point = |part| numbers(parts, part, seed ^ SHORT_RAYS).set(0);
+        let point = |part| [0, 1, 2, 3].map(|level| numbers(parts, part, seed ^ SHORT_RAYS).set(level));
         let points = (0..parts).map(point).collect();
         let turn = |set| (numbers(sets, set, seed ^ TURNS).set(0)[0] * plan.parts as f32) as u32;
         let turns: Vec<u32> = (0..sets).map(turn).collect();
