@@ -1,5 +1,5 @@
 //! What a frame takes and where its time goes: triangles, preprocessing, rays, ray queries against shading, threads, lanes
-//! against single values. For Instant Global Illumination these are the constraints that its authors state.
+//! against single values, one landscape in meshes of several sizes. For Instant Global Illumination these are the constraints that its authors state.
 //!
 //! # References
 //! Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using Fast Ray Tracing", 2002.
@@ -8,9 +8,13 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use heliostat::engine::{Engine, EngineOptions, LaneMode};
+use heliostat::kernel::glam::{Affine3A, Vec3};
 use heliostat::lighting;
-use heliostat::scene::{Backend, Frame, FrameRequest, IgiOptions, Progress};
+use heliostat::scene::{
+    Backend, Camera, Edit, Frame, FrameRequest, IgiOptions, Material, Mesh, Progress, SceneBuilder,
+};
 
+use crate::kernel::terrain;
 use crate::measure::median;
 use crate::result;
 
@@ -31,6 +35,12 @@ pub(crate) struct Arguments {
     /// Light paths of each set, for `igi`
     #[arg(long, default_value_t = 8)]
     paths: u32,
+    /// Rays from the camera through each pixel that share light paths, for `igi`
+    #[arg(long, default_value_t = 1)]
+    antialias: u32,
+    /// Triangles of one landscape in ever finer meshes: cost against their number
+    #[arg(long, value_name = "COUNT", num_args = 0.., value_delimiter = ',', default_value = "10000,100000,1000000")]
+    terrain: Vec<usize>,
     /// Frames; medians are printed
     #[arg(long, default_value_t = 5)]
     runs: u32,
@@ -68,15 +78,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
         ));
         let camera = crate::motion::camera(&engines[0])?;
         for renderer in &arguments.renderer {
-            let request = FrameRequest {
-                renderer: renderer.clone(),
-                samples: arguments.spp,
-                igi: IgiOptions { paths: arguments.paths, ..IgiOptions::default() },
-                ..FrameRequest::new(camera.clone(), arguments.size[0], arguments.size[1])
-            };
+            let request = request(arguments, renderer, &camera);
             rows.extend(measure(scene, &request, &setups, &mut engines, arguments.runs)?);
         }
     }
+    rows.extend(by_triangles(arguments)?);
     match &arguments.json {
         None => Ok(()),
         Some(file) => std::fs::write(file, serde_json::json!({ "rows": rows }).to_string())
@@ -84,17 +90,82 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     }
 }
 
+fn request(arguments: &Arguments, renderer: &str, camera: &Camera) -> FrameRequest {
+    let igi = IgiOptions { paths: arguments.paths, antialias: arguments.antialias, ..IgiOptions::default() };
+    FrameRequest {
+        renderer: renderer.into(),
+        samples: arguments.spp,
+        igi,
+        ..FrameRequest::new(camera.clone(), arguments.size[0], arguments.size[1])
+    }
+}
+
 /// An engine with a scene, and what it takes to be ready, milliseconds.
 fn engine(name: &str, setup: &Setup) -> Result<(Engine, f64), String> {
-    let scene = crate::motion::scene(name)?;
     let options = EngineOptions { threads: setup.threads, lanes: setup.lanes, ..EngineOptions::default() };
+    ready(&crate::motion::scene(name)?.edits, options)
+}
+
+fn ready(edits: &[Edit], options: EngineOptions) -> Result<(Engine, f64), String> {
     let mut engine = Engine::new(options).map_err(|error| error.to_string())?;
-    let report = engine.apply(&scene.edits, &Progress::new()).map_err(|error| error.to_string())?;
+    let report = engine.apply(edits, &Progress::new()).map_err(|error| error.to_string())?;
     if !engine.scene().has_light() {
         let light = lighting::default_light(engine.scene());
         engine.apply(&light, &Progress::new()).map_err(|error| error.to_string())?;
     }
     Ok((engine, report.milliseconds))
+}
+
+/// The same view of one landscape in meshes of several sizes, on all threads: a line for each renderer and size.
+fn by_triangles(arguments: &Arguments) -> Result<Vec<serde_json::Value>, String> {
+    let (eye, target, degrees) = terrain::look();
+    let camera = Camera::look_at("", eye, target, Vec3::Y, degrees.to_radians());
+    let mut engines =
+        arguments.terrain.iter().map(|&count| landscape(count)).collect::<Result<Vec<_>, _>>()?;
+    let mut rows = Vec::new();
+    for renderer in &arguments.renderer {
+        let request = request(arguments, renderer, &camera);
+        let mut times = vec![Vec::new(); engines.len()];
+        let mut rays = vec![0; engines.len()];
+        for _ in 0..arguments.runs.max(1) {
+            for (((engine, _), times), rays) in engines.iter_mut().zip(&mut times).zip(&mut rays) {
+                let frame = engine.render(&request, &Progress::new()).map_err(|error| error.to_string())?;
+                times.push(frame.stats.milliseconds);
+                *rays = frame.stats.rays;
+            }
+        }
+        let mut first = None;
+        for (((_, triangles), times), rays) in engines.iter().zip(&mut times).zip(rays) {
+            let milliseconds = median(times);
+            let per_pixel = rays as f64 / (f64::from(request.width) * f64::from(request.height));
+            let (fewest, fastest) = *first.get_or_insert((*triangles, milliseconds));
+            let (times, more) = (milliseconds / fastest, *triangles as f64 / fewest as f64);
+            result(&format!(
+                "{:20} {renderer:8} {triangles:9} triangles {milliseconds:14.1} ms  {per_pixel:6.1} rays/pixel  {:7.1} Mray/s  {times:5.2}× the time for {more:.0}× the triangles",
+                "terrain",
+                rays as f64 / milliseconds * 1e-3,
+            ));
+            rows.push(serde_json::json!({
+                "scene": "terrain", "renderer": renderer, "triangles": triangles,
+                "milliseconds": milliseconds, "rays_per_pixel": per_pixel,
+            }));
+        }
+    }
+    Ok(rows)
+}
+
+/// An engine with a landscape of about so many triangles, and their number.
+fn landscape(count: usize) -> Result<(Engine, usize), String> {
+    let (positions, indices) = terrain::make(count);
+    let triangles = indices.len();
+    let mut scene = SceneBuilder::new();
+    let material = scene.material(Material::diffuse("land", Vec3::splat(0.5)));
+    let mesh = scene.mesh(Mesh::new(positions, indices));
+    let land = scene.object("land", [(mesh, material)]);
+    scene.instance(land, Affine3A::IDENTITY);
+    let (engine, milliseconds) = ready(&scene.finish(), EngineOptions::default())?;
+    result(&format!("{:20} {triangles} triangles, ready after {milliseconds:.1} ms", "terrain"));
+    Ok((engine, triangles))
 }
 
 /// Frames of all setups in turn, so that a busy machine disturbs all alike.

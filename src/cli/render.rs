@@ -96,6 +96,9 @@ pub(super) struct Arguments {
     /// Most that a virtual point light of `igi` may add, in multiples of the typical irradiance; `inf` bounds nothing
     #[arg(long, value_name = "X", default_value_t = 2.0)]
     clamp: f32,
+    /// Rays from the camera through each pixel that share the light paths of a pass, for `igi`: 1, 2, 4, 8 or 16
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    antialias: u32,
     /// Leave out the samples that pixels at edges take more, for `igi`: jagged edges, a little faster
     #[arg(long)]
     no_edges: bool,
@@ -452,6 +455,7 @@ fn request(arguments: &Arguments, camera: heliostat::scene::Camera) -> Result<Fr
             interleave: [arguments.interleave.width, arguments.interleave.height],
             filter: !arguments.no_filter,
             edges: !arguments.no_edges,
+            antialias: arguments.antialias,
             clamp: arguments.clamp,
             compensate: !arguments.no_compensation,
             importance: !arguments.no_importance,

@@ -114,6 +114,7 @@ fn contenders() -> Vec<Contender> {
         equalled(frame("the same without samples at edges", "igi", 1, IgiOptions { edges: false, ..igi })),
         frame("the same, not filtered", "igi", 1, IgiOptions { filter: false, ..igi }),
         frame("`igi`, 3×3 sets of 3 paths", "igi", 1, IgiOptions { paths: 3, ..igi }),
+        frame("`igi`, 4 samples that share 8 paths", "igi", 1, IgiOptions { antialias: 4, ..igi }),
         frame("`igi`, 4 passes of 8 paths", "igi", 4, igi),
         frame("`instant-radiosity`, 8 paths", "instant-radiosity", 1, igi),
         frame("`instant-radiosity`, all 72 paths", "instant-radiosity", 1, IgiOptions { paths: all, ..igi }),

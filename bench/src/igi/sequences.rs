@@ -29,7 +29,7 @@ pub(super) fn table(bench: &mut Bench<'_>, scene: &str) -> Result<String, String
     let moved = at(&bench.camera, step, FRAMES - 1);
     let references = [bench.reference.clone(), bench.refer(&moved)?];
     let mut table = String::from(
-        "| frames | ms | relMSE, still | flicker, still | relMSE, moving | flicker, moving |\n|---|---:|---:|---:|---:|---:|\n",
+        "| frames | ms | relMSE, still | flicker, still | change, still | relMSE, moving | flicker, moving |\n|---|---:|---:|---:|---:|---:|---:|\n",
     );
     for (name, renderer, accumulate) in [
         ("`igi`, each from scratch", "igi", false),
@@ -43,9 +43,13 @@ pub(super) fn table(bench: &mut Bench<'_>, scene: &str) -> Result<String, String
         for (reference, step) in references.iter().zip([0.0, step]) {
             // One that remembers nothing.
             bench.engine = engine(scene)?;
-            let (frame, flicker) = play(bench, &contender, step, &mut times)?;
+            let Played { frame, flicker, change } = play(bench, &contender, step, &mut times)?;
             let error = compare(&picture(&frame), reference).map_err(|error| error.to_string())?;
             let _ = write!(cells, " {:.4} | {:.2} % |", error.relmse, 100.0 * flicker);
+            // The reference of pixels changes where the camera moves.
+            if step == 0.0 {
+                let _ = write!(cells, " {:.2} % |", 100.0 * change);
+            }
         }
         let _ = writeln!(table, "| {name} | {:.0} |{cells}", median(&mut times));
     }
@@ -59,15 +63,25 @@ fn at(camera: &Camera, step: f32, frame: u32) -> Camera {
     Camera { world_from_camera, ..camera.clone() }
 }
 
-/// Renders a sequence: the last frame, and the mean change from frame to frame of the light on points that both see.
+/// What a sequence has shown.
+struct Played {
+    /// The last one.
+    frame: Frame,
+    /// Mean change from frame to frame of the light on points that both see, relative to it.
+    flicker: f64,
+    /// Mean absolute change of all pixels from frame to frame, relative to their mean.
+    change: f64,
+}
+
+/// Renders a sequence.
 fn play(
     bench: &mut Bench<'_>,
     contender: &Contender,
     step: f32,
     times: &mut Vec<f64>,
-) -> Result<(Frame, f64), String> {
+) -> Result<Played, String> {
     let mut before: Option<(Frame, CameraRays)> = None;
-    let (mut change, mut light) = (0.0, 0.0);
+    let (mut points, mut pixels) = (Changes::default(), Changes::default());
     for number in 0..FRAMES {
         let camera = at(&bench.camera, step, number);
         let request = FrameRequest {
@@ -80,33 +94,49 @@ fn play(
         times.push(frame.stats.milliseconds);
         let rays = CameraRays::new(&camera, frame.width, frame.height);
         if let Some((before, rays)) = before.as_ref().filter(|_| number >= FILLING) {
-            let (more, of) = changed(&frame, before, rays);
-            (change, light) = (change + more, light + of);
+            points.add_points(&frame, before, rays);
+            let colors = frame.color.iter().zip(&before.color);
+            colors.for_each(|(now, then)| pixels.add(luminance(*now), luminance(*then)));
         }
         before = Some((frame, rays));
     }
     let (frame, _) = before.ok_or("no frames")?;
-    Ok((frame, if light > 0.0 { change / light } else { 0.0 }))
+    Ok(Played { frame, flicker: points.relative(), change: pixels.relative() })
 }
 
-/// Sums, over the points that two frames see, of by how much the light on them differs and of that light.
-fn changed(frame: &Frame, before: &Frame, rays: &CameraRays) -> (f64, f64) {
-    let (mut change, mut light) = (0.0, 0.0);
-    for index in 0..frame.color.len() {
-        let Some((position, now)) = lit(frame, index) else { continue };
-        let Some(place) = rays.project(position) else { continue };
-        let (x, y) = (place.x.floor(), place.y.floor());
-        if x < 0.0 || y < 0.0 || x >= before.width as f32 || y >= before.height as f32 {
-            continue;
-        }
-        let other = y as usize * before.width as usize + x as usize;
-        let Some((other, then)) = lit(before, other) else { continue };
-        if other.distance(position) < SAME * position.distance(rays.position()) {
-            change += f64::from((now - then).abs());
-            light += f64::from(now);
+/// By how much light differs between frames, and that light.
+#[derive(Default)]
+struct Changes {
+    change: f64,
+    light: f64,
+}
+
+impl Changes {
+    fn add(&mut self, now: f32, then: f32) {
+        self.change += f64::from((now - then).abs());
+        self.light += f64::from(now);
+    }
+
+    /// Adds the light on all points that two frames see.
+    fn add_points(&mut self, frame: &Frame, before: &Frame, rays: &CameraRays) {
+        for index in 0..frame.color.len() {
+            let Some((position, now)) = lit(frame, index) else { continue };
+            let Some(place) = rays.project(position) else { continue };
+            let (x, y) = (place.x.floor(), place.y.floor());
+            if x < 0.0 || y < 0.0 || x >= before.width as f32 || y >= before.height as f32 {
+                continue;
+            }
+            let other = y as usize * before.width as usize + x as usize;
+            let Some((other, then)) = lit(before, other) else { continue };
+            if other.distance(position) < SAME * position.distance(rays.position()) {
+                self.add(now, then);
+            }
         }
     }
-    (change, light)
+
+    fn relative(&self) -> f64 {
+        if self.light > 0.0 { self.change / self.light } else { 0.0 }
+    }
 }
 
 /// The point that a pixel sees, and the luminance that it reflects of white light's: its light apart from its colour.

@@ -12,7 +12,7 @@ mod rays;
 mod results;
 pub(crate) mod scenes;
 pub(crate) mod split;
-mod terrain;
+pub(crate) mod terrain;
 mod twist;
 mod versus;
 

@@ -10,7 +10,7 @@ const EDGE: f32 = 1000.0;
 const HEIGHT: f32 = 90.0;
 
 /// Positions and triangles of a square grid with about `triangles` of them, centred on the origin.
-pub(super) fn make(triangles: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+pub(crate) fn make(triangles: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let cells = ((triangles as f64 / 2.0).sqrt().round() as u32).clamp(1, 8192);
     let at = |i: u32| (i as f32 / cells as f32 - 0.5) * EDGE;
     let positions = (0..=cells)
@@ -29,9 +29,15 @@ pub(super) fn make(triangles: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 
 /// From a hill at one corner over the land.
 pub(super) fn view() -> View {
+    let (eye, target, degrees) = look();
+    View::look_at(eye, target, degrees)
+}
+
+/// Eye, target and vertical field of view in degrees of [`view`].
+pub(crate) fn look() -> (Vec3, Vec3, f32) {
     let (x, z) = (-0.42 * EDGE, 0.42 * EDGE);
     let eye = Vec3::new(x, height(x, z) + 60.0, z);
-    View::look_at(eye, Vec3::new(60.0, -40.0, -60.0), 50.0)
+    (eye, Vec3::new(60.0, -40.0, -60.0), 50.0)
 }
 
 /// Sum of octaves of value noise, each at twice the frequency and a little under half the height of the last.

@@ -288,6 +288,14 @@ impl Renderer {
             _ => Integrator::by_name(name).map(Self::ByRegion),
         }
     }
+
+    /// Samples of a pixel that are made at once.
+    fn samples_of_pass(self, igi: &IgiOptions) -> u32 {
+        match self {
+            Self::ByRegion(_) => 1,
+            Self::Igi | Self::InstantRadiosity | Self::FilteredPath => igi.antialias,
+        }
+    }
 }
 
 impl Backend for Engine {
@@ -330,7 +338,9 @@ impl Backend for Engine {
         let bind =
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
         let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
-        let film = Film::new(request, &post::planes(request, &pixel_shaders), self.spare.take());
+        let samples = request.samples.saturating_mul(renderer.samples_of_pass(&request.igi));
+        let planes = post::planes(request, &pixel_shaders);
+        let film = Film::new(request, samples, &planes, self.spare.take());
         let mut history = self.history.take();
         if self.overridden != request.materials {
             self.overridden = request.materials.clone();

@@ -13,8 +13,9 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// A black frame of the requested size with some planes, in the buffers of another one.
-    pub(crate) fn new(request: &FrameRequest, planes: &[Plane], spare: Option<Frame>) -> Self {
+    /// A black frame of the requested size with some planes, in the buffers of another one. Every pixel gets so many
+    /// `samples`.
+    pub(crate) fn new(request: &FrameRequest, samples: u32, planes: &[Plane], spare: Option<Frame>) -> Self {
         let (width, height) = (request.width, request.height);
         let pixels = width as usize * height as usize;
         let (mut color, spare) = spare.map_or_else(Default::default, |spare| (spare.color, spare.planes));
@@ -29,7 +30,7 @@ impl Film {
         let (stats, problems) = (FrameStats::default(), Vec::new());
         Self {
             frame: Mutex::new(Frame { width, height, color, planes, stats, problems }),
-            per_sample: 1.0 / request.samples as f32,
+            per_sample: 1.0 / samples as f32,
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard};
 use glam::Vec3;
 use heliostat_scene::{BackendError, IgiOptions, Progress};
 use heliostat_transport::{
-    Gathered, History, IgiFrame, IgiSettings, Light, Lit, PixelSum, Remembered, Settings, View,
+    Fragment, Gathered, History, IgiFrame, IgiSettings, Light, Lit, PixelSum, Remembered, Settings, View,
 };
 
 use crate::film::{Film, renew};
@@ -18,6 +18,7 @@ use crate::queue::work_through;
 #[derive(Default)]
 pub(crate) struct Buffers {
     picture: Vec<Gathered>,
+    fragments: Vec<Fragment>,
     /// Of all pixels, region by region.
     sums: Vec<PixelSum>,
     /// What falls on all pixels, row by row, and what comes back from them.
@@ -71,7 +72,7 @@ pub(crate) fn render(
     let pixels = size.0 as usize * size.1 as usize;
     let mut buffers = locked(buffers);
     buffers.renew(size);
-    let Buffers { picture, sums, lit: falling, light, rows: remembered, old } = &mut *buffers;
+    let Buffers { picture, fragments, sums, lit: falling, light, rows: remembered, old } = &mut *buffers;
     let mut rest = &mut sums[..];
     let sums: Vec<_> = regions
         .iter()
@@ -81,17 +82,25 @@ pub(crate) fn render(
     let lights: Vec<_> = (0..size.1).map(|_| Mutex::new(Vec::new())).collect();
     for pass in 0..settings.samples {
         rays.fetch_add(pool.install(|| frame.start(pass)), Ordering::Relaxed);
-        let shared = Mutex::new(&mut *picture);
+        fragments.clear();
+        let shared = Mutex::new((&mut *picture, &mut *fragments));
         work_through(pool, regions.len(), &stop, &|index| {
             let region = &regions[index];
-            let (gathered, traced) = frame.render(region, &mut locked(&sums[index]));
+            let (gathered, split, traced) = frame.render(region, &mut locked(&sums[index]));
             rays.fetch_add(traced, Ordering::Relaxed);
-            let mut picture = locked(&shared);
-            for ((x, y), pixel) in region.pixels().into_iter().zip(gathered) {
-                picture[y as usize * size.0 as usize + x as usize] = pixel;
+            let (picture, fragments) = &mut *locked(&shared);
+            let mut split = split.into_iter().peekable();
+            for ((index, (x, y)), pixel) in (0..).zip(region.pixels()).zip(gathered) {
+                let place = y * size.0 + x;
+                picture[place as usize] = pixel;
+                while let Some(fragment) = split.next_if(|fragment| fragment.pixel == index) {
+                    fragments.push(fragment.at(place));
+                }
             }
             progress.advance(1);
         })?;
+        // Those of a pixel stay in their order.
+        fragments.sort_by_key(|fragment| fragment.pixel);
         work_through(pool, rows.len(), &stop, &|y| {
             let mut memory = locked(&remembered[y]);
             memory.clear();
@@ -104,7 +113,7 @@ pub(crate) fn render(
             // Cancelled.
             break;
         }
-        let lit = Lit { gathered: picture, lights: falling, size };
+        let lit = Lit { gathered: picture, lights: falling, fragments, size };
         work_through(pool, rows.len(), &stop, &|y| {
             let (colors, traced) = frame.row(&lit, y as u32);
             rays.fetch_add(traced, Ordering::Relaxed);
@@ -135,6 +144,7 @@ fn igi_settings(options: &IgiOptions, by_paths: bool) -> IgiSettings {
         interleave: options.interleave,
         filter: options.filter,
         edges: options.edges,
+        antialias: options.antialias,
         clamp: options.clamp,
         compensate: options.compensate,
         importance: options.importance,

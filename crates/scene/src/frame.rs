@@ -47,8 +47,11 @@ pub struct IgiOptions {
     pub interleave: [u32; 2],
     /// Whether neighbouring pixels share their light (the discontinuity buffer).
     pub filter: bool,
-    /// Whether pixels at edges take more samples, where `filter` is on.
+    /// Whether pixels at edges take more samples, where `filter` is on and `antialias` is 1.
     pub edges: bool,
+    /// Rays from the camera through each pixel that share the light paths of a pass: 1, 2, 4, 8 or 16. Each is lit by a
+    /// part of the pixel's set, so that there are about as many shadow rays as for one.
+    pub antialias: u32,
     /// A virtual point light adds at most this many times the typical irradiance of its set; infinity bounds nothing.
     pub clamp: f32,
     /// Whether short rays give back the light that `clamp` takes away.
@@ -73,6 +76,7 @@ impl Default for IgiOptions {
             interleave: [3, 3],
             filter: true,
             edges: true,
+            antialias: 1,
             clamp: 2.0,
             compensate: true,
             importance: true,
@@ -97,6 +101,12 @@ impl IgiOptions {
         if self.paths * n * m > most {
             let paths = self.paths;
             return Some(format!("{paths} paths for each of {n}×{m} sets; give at most {most} in all"));
+        }
+        if !(self.antialias.is_power_of_two() && self.antialias <= 16) {
+            return Some(format!(
+                "{} rays from the camera for each pixel; give 1, 2, 4, 8 or 16",
+                self.antialias
+            ));
         }
         if self.photons > 1 << 20 {
             return Some(format!("{} photons; give at most {}", self.photons, 1 << 20));

@@ -15,7 +15,7 @@ mod path;
 mod region;
 mod shadow;
 
-pub use igi::{Gathered, History, IgiFrame, IgiSettings, Light, Lit, Remembered};
+pub use igi::{Fragment, Gathered, History, IgiFrame, IgiSettings, Light, Lit, Remembered};
 pub use region::{FirstHit, PixelSum, Region, Settings, View};
 
 use heliostat_kernel::RayQuery;

@@ -190,10 +190,27 @@ impl PixelSum {
 ///
 /// # References
 /// Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018 (R2).
-fn aligned_point(sample: u32) -> Vec2 {
+pub(crate) fn aligned_point(sample: u32) -> Vec2 {
     const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let at = STEP.map(|step| (0.5 + step * f64::from(sample)).fract() as f32);
     Vec2::from_array(at).min(Vec2::splat(1.0 - f32::EPSILON))
+}
+
+/// Which sample of all pixels of a region is taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    pub(crate) number: u32,
+    /// Its place in every pixel, from 0 to 1, where all put it at the same.
+    pub(crate) place: Vec2,
+    /// Whether the sums get their first.
+    pub(crate) first: bool,
+}
+
+impl Sample {
+    /// One of a sequence.
+    pub(crate) fn new(number: u32, first: bool) -> Self {
+        Self { number, place: aligned_point(number), first }
+    }
 }
 
 /// One camera ray on its way.
@@ -211,29 +228,30 @@ fn camera_rays<Q: ?Sized, W: Walk>(
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
-    sample: u32,
+    sample: Sample,
 ) -> Vec<W::Ray> {
-    let u_aligned = aligned_point(sample);
-    let pinhole = view.camera.common_origin().is_some();
+    // Pinholes whose pixels all put their samples at the same place need no numbers.
+    let drawn = !(settings.aligned && view.camera.common_origin().is_some());
     let mut started = Vec::with_capacity(region.area());
     let (mut set, mut points) = (SamplePoints::default(), PicturePoints::default());
     let mut rays = RayPacket::default();
     let pixels = region.pixels();
-    let samplers = Samplers::new(settings.frame, settings.seed, sample);
+    let samplers = Samplers::new(settings.frame, settings.seed, sample.number);
     for pixels in pixels.chunks(WIDTH) {
         let mut own = [Sampler::default(); WIDTH];
         for (lane, &(x, y)) in pixels.iter().enumerate() {
             own[lane] = samplers.pixel(x, y);
-            set.ask(lane, &own[lane], 0);
+            if drawn {
+                set.ask(lane, &own[lane], 0);
+            }
             points.time.0[lane] = if view.moving { own[lane].time() } else { 0.0 };
         }
-        // Pinholes whose pixels all put their samples at the same place need no numbers.
-        if !(settings.aligned && pinhole) {
+        if drawn {
             set.draw(view.scene.lane_mode(), pixels.len());
         }
         for (lane, &(x, y)) in pixels.iter().enumerate() {
             let (u_pixel, u_lens) = halves(set.get(lane));
-            let u_filter = if settings.aligned { u_aligned } else { u_pixel };
+            let u_filter = if settings.aligned { sample.place } else { u_pixel };
             let at = Vec2::new(x as f32, y as f32) + 0.5 + settings.filter.sample(u_filter);
             (points.pixel[0].0[lane], points.pixel[1].0[lane]) = (at.x, at.y);
             (points.lens[0].0[lane], points.lens[1].0[lane]) = (u_lens.x, u_lens.y);
@@ -304,7 +322,7 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
 ) -> u64 {
     let mut traced = 0;
     for sample in 0..settings.samples {
-        traced += walk_sample(walk, view, settings, region, (sample, sample == 0), sums);
+        traced += walk_sample(walk, view, settings, region, Sample::new(sample, sample == 0), sums);
         if !after_sample() {
             break;
         }
@@ -312,13 +330,13 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
     traced
 }
 
-/// Walks one sample of a region's pixels, which is the first that the sums get or not, and returns the number of rays that were followed.
+/// Walks one sample of a region's pixels and returns the number of rays that were followed.
 pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     walk: &mut W,
     view: &View<'_, Q>,
     settings: &Settings,
     region: &Region,
-    (sample, first): (u32, bool),
+    sample: Sample,
     sums: &mut [PixelSum],
 ) -> u64 {
     let mut traced = 0;
@@ -326,7 +344,7 @@ pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     let mut hits = camera_hits::<Q, W>(view, &current);
     while !current.is_empty() {
         traced += current.len() as u64;
-        current = walk.step(current, &hits, sums, first);
+        current = walk.step(current, &hits, sums, sample.first);
         let rays: Vec<Ray> = current.iter().map(W::ray).collect();
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);

@@ -25,7 +25,7 @@ struct Point {
 /// Lights every point by one sample of a light and one path.
 pub(super) struct ByPaths<'a, Q: ?Sized> {
     tracer: Tracer<'a, Q>,
-    /// What the pixels of the region have received in this pass.
+    /// What the pixels of the region have received by this sample.
     pub(super) gathered: Vec<Gathered>,
     traced: u64,
     points: Vec<Point>,
@@ -76,6 +76,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
                 position: surfaces.position(lane),
                 normal: surfaces.normal(lane),
                 strength: luminance(ray.weight * dull),
+                coverage: 1.0,
                 straight: ray.edges == 1,
                 ..Gathered::default()
             };

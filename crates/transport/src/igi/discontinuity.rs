@@ -55,9 +55,15 @@ impl Window<'_> {
             return Light { irradiance: Vec3::ZERO, gloss: center.scattered };
         }
         let scale = PLANE_DISTANCE * center.position.distance(self.eye);
-        // The pixel itself always counts.
-        let mut sum = Light { irradiance: center.irradiance, gloss: center.gloss + center.scattered };
-        let mut count = 1.0;
+        // The pixel itself always counts; each as much as it has samples of the surface.
+        let mut sum = Light::default();
+        let mut count = 0.0;
+        let mut add = |tap: &Gathered| {
+            sum.irradiance += tap.irradiance * tap.coverage;
+            sum.gloss += (tap.gloss + tap.scattered) * tap.coverage;
+            count += tap.coverage;
+        };
+        add(center);
         for dy in -(m / 2)..m - m / 2 {
             for dx in -(n / 2)..n - n / 2 {
                 if (dx, dy) == (0, 0) {
@@ -70,11 +76,7 @@ impl Window<'_> {
                     let tap = self.at(x as i32 + dx, y as i32 + dy)?;
                     is_alike(center, tap, scale).then_some(tap)
                 });
-                if let Some(tap) = tap {
-                    sum.irradiance += tap.irradiance;
-                    sum.gloss += tap.gloss + tap.scattered;
-                    count += 1.0;
-                }
+                tap.into_iter().for_each(&mut add);
             }
         }
         let share = 1.0 / count;

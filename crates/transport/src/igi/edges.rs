@@ -11,7 +11,7 @@ use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::{Arrival, HitSorter, Selection, ShadeScratch, Surfaces};
 
 use super::discontinuity::{Light, PLANE_DISTANCE, is_alike};
-use super::{CLEAR_ALPHA, Gathered};
+use super::{CLEAR_ALPHA, Fragment, Gathered};
 use crate::eye::{DULL, MIRRORS};
 use crate::region::{Settings, View};
 
@@ -28,6 +28,8 @@ pub struct Lit<'a> {
     pub gathered: &'a [Gathered],
     /// What falls on it.
     pub lights: &'a [Light],
+    /// What they see besides, in the order of their pixels.
+    pub fragments: &'a [Fragment],
     /// Columns and rows.
     pub size: (u32, u32),
 }
@@ -42,7 +44,24 @@ impl Lit<'_> {
     pub(super) fn color(&self, x: u32, y: u32) -> Vec3 {
         let index = (y * self.size.0 + x) as usize;
         let point = &self.gathered[index];
-        point.emitted + point.other + self.lights[index].reflected(point.albedo)
+        let light = &self.lights[index];
+        match point.strength > 0.0 {
+            true => point.emitted + point.other + point.coverage * light.reflected(point.albedo),
+            false => point.emitted + point.other + light.gloss,
+        }
+    }
+
+    /// Adds their fragments to the pixels of a row. Where neighbours share their light these take it too, as they are seen
+    /// from `eye`.
+    pub(super) fn add_fragments(&self, y: u32, eye: Option<Vec3>, colors: &mut [Vec3]) {
+        let start = y * self.size.0;
+        let from = self.fragments.partition_point(|fragment| fragment.pixel < start);
+        let row = self.fragments[from..].iter().take_while(|fragment| fragment.pixel < start + self.size.0);
+        for fragment in row {
+            let x = fragment.pixel - start;
+            let light = eye.and_then(|eye| self.beside((x, y), &fragment.point, eye));
+            colors[x as usize] += fragment.color(light);
+        }
     }
 
     /// Whether a pixel and one beside or below or above it see different surfaces.
@@ -63,17 +82,16 @@ impl Lit<'_> {
         })
     }
 
-    /// Radiance of a point that lies in a pixel: as much as a neighbour that sees the same surface receives. `None` if there
-    /// is none.
-    fn beside(&self, (x, y): (u32, u32), point: &Gathered, eye: Vec3) -> Option<Vec3> {
+    /// Light on a point that lies in a pixel: as much as a neighbour that sees the same surface receives. `None` if there is
+    /// none.
+    fn beside(&self, (x, y): (u32, u32), point: &Gathered, eye: Vec3) -> Option<Light> {
         let scale = PLANE_DISTANCE * point.position.distance(eye);
         const NEAREST: [(i32, i32); 9] =
             [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)];
         NEAREST.into_iter().find_map(|(dx, dy)| {
             let index = self.index(x as i32 + dx, y as i32 + dy)?;
             let other = &self.gathered[index];
-            let light = || point.emitted + self.lights[index].reflected(point.albedo);
-            is_alike(point, other, scale).then(light)
+            is_alike(point, other, scale).then(|| self.lights[index])
         })
     }
 }
@@ -128,7 +146,9 @@ pub(super) fn refine<Q: RayQuery + ?Sized>(
             add(
                 index,
                 seen(settings, &surfaces, lane).and_then(|point| match point.strength > 0.0 {
-                    true => lit.beside((x, y), &point, eye),
+                    true => lit
+                        .beside((x, y), &point, eye)
+                        .map(|light| point.emitted + light.reflected(point.albedo)),
                     false => Some(point.emitted),
                 }),
             );

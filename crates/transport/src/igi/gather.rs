@@ -31,7 +31,7 @@ pub(super) struct Block {
     pixels: [u32; WIDTH],
     /// What the eye sees of the point; zero for lanes without one.
     pub(super) weights: [Vec3; WIDTH],
-    edges: [u32; WIDTH],
+    pub(super) edges: [u32; WIDTH],
     /// Of the lobes that virtual point lights light.
     dull_albedo: Vectors,
     /// Largest GGX α on the way from the eye.
@@ -69,10 +69,12 @@ pub(super) struct ByVpls<'a> {
     vpls: &'a VplSets,
     photons: &'a PhotonMap,
     groups: &'a [u8],
+    /// Which sample of each pixel is at hand: says which part of its set lights it.
+    sample: u32,
     /// Edges of whole paths.
     max_edges: u32,
-    /// What the pixels of the region have received in this pass.
-    pub(super) gathered: Vec<Gathered>,
+    /// What the pixels of the region have received by this sample.
+    gathered: Vec<Gathered>,
     traced: u64,
     blocks: Vec<Block>,
     used: usize,
@@ -104,6 +106,7 @@ impl<'a> ByVpls<'a> {
             vpls,
             photons,
             groups,
+            sample: 0,
             max_edges,
             gathered: vec![Gathered::default(); groups.len()],
             traced: 0,
@@ -121,6 +124,12 @@ impl<'a> ByVpls<'a> {
             compensate,
             residual: Residual::default(),
         }
+    }
+
+    /// Goes on to the next sample of all pixels. Returns what they have received by the last one.
+    pub(super) fn go_on(&mut self) -> &mut Vec<Gathered> {
+        self.sample += 1;
+        &mut self.gathered
     }
 
     /// Rays traced for light so far.
@@ -247,18 +256,19 @@ impl<'a> ByVpls<'a> {
         });
     }
 
-    /// Adds the light that photons have brought to a block's lanes.
+    /// Adds the light that photons have brought to a block's lanes: to one sample of each pixel, another one in each.
     fn catch(&mut self, index: usize) {
-        let block = &mut self.blocks[index];
+        let (block, parts) = (&mut self.blocks[index], self.vpls.parts());
         for lane in lanes(block.alive) {
-            if !block.takes(lane) {
+            let turn = block.pixels[lane].hashed() ^ self.sample;
+            if !block.takes(lane) || turn & (parts - 1) != 0 {
                 continue;
             }
             let (position, normal) = (block.surfaces.position(lane), block.surfaces.normal(lane));
             let max_edges = self.max_edges.saturating_sub(block.edges[lane]);
             let irradiance = self.photons.irradiance(position, normal, max_edges);
             if irradiance != Vec3::ZERO {
-                let radiance = irradiance * (std::f32::consts::FRAC_1_PI / block.share);
+                let radiance = irradiance * (std::f32::consts::FRAC_1_PI * parts as f32 / block.share);
                 let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
                 block.irradiance.set(lane, block.irradiance.get(lane) + radiance);
                 // Rough lobes are taken for diffuse ones of the same albedo.
@@ -285,6 +295,7 @@ impl<'a> ByVpls<'a> {
                 normal: surfaces.normal(lane),
                 // Mirrors stand for themselves only where nothing else is seen in them.
                 strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
+                coverage: 1.0,
                 straight: block.edges[lane] == 1,
                 ..Gathered::default()
             };
@@ -332,9 +343,9 @@ fn share(blocks: &[Block]) -> f32 {
     (FULL * sum / count.max(1.0)).min(1.0)
 }
 
-/// A share of the virtual point lights of a set, chosen by what they would bring to a point of each block if nothing stood
+/// So many of some virtual point lights in the mean, chosen by what they would bring to a point of each block if nothing stood
 /// between, and strengthened by the inverse of their chance.
-fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], share: f32) -> Vec<Vpl> {
+fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], budget: f32) -> Vec<Vpl> {
     let points = || {
         blocks.iter().filter(|block| block.alive != 0).map(|block| {
             let lane = block.alive.trailing_zeros() as usize;
@@ -347,7 +358,6 @@ fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], share: f32) -> Vec<Vpl> {
             points().map(|(position, normal, weight)| weight * vpl.irradiance(bound, position, normal)).sum()
         })
         .collect();
-    let budget = (share * vpls.len() as f32).max(1.0);
     let floor = SOME_FLOOR * importance.iter().sum::<f32>() / vpls.len().max(1) as f32;
     importance.iter_mut().for_each(|importance| *importance += floor);
     let scale = importance::scale(importance.clone(), budget);
@@ -415,7 +425,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         (block.alive, block.most_edges) =
             alive.fold((0, 0), |(alive, edges), (lane, ray)| (alive | 1 << lane, edges.max(ray.edges)));
         let group = usize::from(self.groups[arrived.ray(0).pixel as usize]);
-        block.point = self.vpls.points[group];
+        [block.point, ..] = self.vpls.points[self.vpls.part(group, self.sample)];
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
     }
 
@@ -425,25 +435,28 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
 
     fn finish(&mut self, view: &View<'_, Q>, group: usize, _: &mut [PixelSum]) {
         let vpls = self.vpls;
+        let part = vpls.part(group, self.sample);
         const BLOCKS: usize = Tile::CAPACITY / WIDTH;
         for start in (0..self.used).step_by(BLOCKS) {
             let end = (start + BLOCKS).min(self.used);
             let share = share(&self.blocks[start..end]);
             self.blocks[start..end].iter_mut().for_each(|block| block.share = share);
             if share == 1.0 {
-                for vpl in &vpls.sets[group] {
+                for vpl in vpls.of_part(part) {
                     self.light(view, (vpl, vpls.bound), (start, end));
                 }
             } else {
-                for vpl in some_of(&vpls.sets[group], vpls.bound, &self.blocks[start..end], share) {
+                let budget = vpls.budget(part, share);
+                for vpl in some_of(vpls.of_part(part), vpls.bound, &self.blocks[start..end], budget) {
                     self.light(view, (&vpl, vpls.bound), (start, end));
                 }
             }
         }
         if self.compensate {
             let blocks = &mut self.blocks[..self.used];
-            let short = vpls.short_rays(group);
-            self.traced += self.residual.add(view, &vpls.sets[group], (vpls.bound, short), blocks);
+            let short = vpls.short_rays(part);
+            let lights = (&vpls.sets[group][..], vpls.bound, self.max_edges);
+            self.traced += self.residual.add(view, lights, short, &vpls.points[part], blocks);
         }
         for index in 0..self.used {
             self.catch(index);

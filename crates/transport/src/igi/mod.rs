@@ -19,13 +19,14 @@ mod paths;
 mod photon_map;
 mod photons;
 mod residual;
+mod samples;
 mod sight;
 mod vpl;
 
 use glam::Vec3;
 use heliostat_kernel::RayQuery;
 
-use crate::eye::{EyeWalk, WeightedRay};
+use crate::eye::{EyeWalk, Lighting, WeightedRay};
 use crate::region::{PixelSum, Region, Settings, View, walk_sample};
 use by_paths::ByPaths;
 pub use discontinuity::Light;
@@ -36,6 +37,8 @@ pub use history::{History, Remembered};
 use paths::PathPlan;
 use photon_map::PhotonMap;
 use photons::PhotonPlan;
+use samples::Fold;
+pub use samples::Fragment;
 use vpl::{VplPlan, VplSets};
 
 /// Edges of whole paths when the request does not say.
@@ -56,8 +59,10 @@ pub struct IgiSettings {
     pub interleave: [u32; 2],
     /// Whether neighbouring pixels share their light.
     pub filter: bool,
-    /// Whether pixels at edges take more samples where they do.
+    /// Whether pixels at edges take more samples where they do and have but one.
     pub edges: bool,
+    /// Samples of each pixel that share the virtual point lights of a pass: a power of two.
+    pub antialias: u32,
     /// A virtual point light adds at most this many times the typical irradiance of its set.
     pub clamp: f32,
     /// Whether short rays give back what the bound takes away.
@@ -81,6 +86,7 @@ impl Default for IgiSettings {
             interleave: [3, 3],
             filter: true,
             edges: true,
+            antialias: 1,
             clamp: 2.0,
             compensate: true,
             importance: true,
@@ -110,6 +116,8 @@ pub struct Gathered {
     normal: Vec3,
     /// How much the pixel sees of the point; 0 if there is none.
     strength: f32,
+    /// How much of the pixel the point's surface fills.
+    coverage: f32,
     /// Whether the camera sees it itself rather than in a mirror or through glass.
     straight: bool,
 }
@@ -136,6 +144,11 @@ impl Gathered {
 
     /// Meets another point along the same ray: the one that matters more stays.
     fn meet(&mut self, mut point: Self) {
+        if self.strength == 0.0 && point.strength > 0.0 {
+            let Self { emitted, other, scattered, .. } = *self;
+            *self = Self { emitted, other, scattered, ..point };
+            return;
+        }
         if point.strength > self.strength {
             std::mem::swap(self, &mut point);
             (self.other, self.scattered, self.emitted) = (point.other, point.scattered, point.emitted);
@@ -210,7 +223,8 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
             seed: self.settings.seed,
             max_bounces: max_edges.saturating_sub(2),
         };
-        let plan = VplPlan { paths, clamp: self.igi.clamp, importance: self.igi.importance };
+        let parts = self.igi.antialias.max(1);
+        let plan = VplPlan { paths, parts, clamp: self.igi.clamp, importance: self.igi.importance };
         self.vpls = VplSets::new(self.view, &plan);
         let plan = PhotonPlan {
             count: self.igi.photons,
@@ -229,25 +243,51 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         Region::cover_by(width, height, [16 * n, 16 * m]).collect()
     }
 
-    /// Renders the pass of a region. `sums` and the result have one entry per pixel in the order of [`Region::pixels`]; the
-    /// number of rays is returned too.
-    pub fn render(&self, region: &Region, sums: &mut [PixelSum]) -> (Vec<Gathered>, u64) {
-        let sample = (self.sample(), self.pass == 0);
+    /// Renders the pass of a region. `sums` and the first result have one entry per pixel in the order of [`Region::pixels`];
+    /// fragments of them and the number of rays are returned too.
+    pub fn render(&self, region: &Region, sums: &mut [PixelSum]) -> (Vec<Gathered>, Vec<Fragment>, u64) {
         let max_edges = self.settings.max_depth.unwrap_or(DEFAULT_MAX_EDGES);
         if self.igi.by_paths {
             let lighting = ByPaths::new(self.view, sums.len(), max_edges);
             let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-            let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
-            let traced = traced + walk.lighting.traced();
-            return (walk.lighting.gathered, traced);
+            let (pixels, fragments, traced) =
+                self.gather(&mut walk, region, sums, |paths| &mut paths.gathered);
+            return (pixels, fragments, traced + walk.lighting.traced());
         }
         let [n, m] = self.igi.interleave;
         let groups: Vec<u8> = region.pixels().into_iter().map(|(x, y)| (x % n + n * (y % m)) as u8).collect();
         let lighting = ByVpls::new(&groups, (&self.vpls, &self.photons), max_edges, self.igi.compensate);
         let mut walk = EyeWalk::new(self.view, self.settings, sums.len(), lighting);
-        let traced = walk_sample(&mut walk, self.view, self.settings, region, sample, sums);
-        let traced = traced + walk.lighting.traced();
-        (walk.lighting.gathered, traced)
+        let (pixels, fragments, traced) = self.gather(&mut walk, region, sums, ByVpls::go_on);
+        (pixels, fragments, traced + walk.lighting.traced())
+    }
+
+    /// Takes all samples of the pass. `gathered` says what the pixels have received by the last one and makes ready for the
+    /// next. Returns what they have received by all, fragments and the number of rays.
+    fn gather<L: Lighting<Q>>(
+        &self,
+        walk: &mut EyeWalk<'_, Q, L>,
+        region: &Region,
+        sums: &mut [PixelSum],
+        gathered: impl Fn(&mut L) -> &mut Vec<Gathered>,
+    ) -> (Vec<Gathered>, Vec<Fragment>, u64) {
+        let (pass, count) = ((self.sample(), self.pass == 0), self.igi.antialias.max(1));
+        let mut trace = |walk: &mut _, index| {
+            let sample = samples::sample(pass, index, count);
+            walk_sample(walk, self.view, self.settings, region, sample, sums)
+        };
+        if count == 1 {
+            let traced = trace(walk, 0);
+            return (std::mem::take(gathered(&mut walk.lighting)), Vec::new(), traced);
+        }
+        let mut fold = Fold::new(region.area(), count, self.view.camera.position());
+        let mut traced = 0;
+        for index in 0..count {
+            traced += trace(walk, index);
+            fold.add(gathered(&mut walk.lighting));
+        }
+        let (pixels, fragments) = fold.finish();
+        (pixels, fragments, traced)
     }
 
     /// The light that falls on what a row of the picture sees in the pass, filtered if that was asked for. `gathered` is the
@@ -287,14 +327,18 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         self.igi.filter && self.sample() < FILTERED_PASSES
     }
 
-    /// A row of the picture, by the light that falls on what it sees, and the number of rays. Where light is shared between
-    /// neighbours, pixels at edges take more samples.
+    /// A row of the picture, by the light that falls on what it sees, as the sum over the samples of each pixel, and the
+    /// number of rays. Where light is shared between neighbours, pixels at edges that have but one sample take more.
     pub fn row(&self, lit: &Lit<'_>, y: u32) -> (Vec<Vec3>, u64) {
         let mut colors: Vec<Vec3> = (0..lit.size.0).map(|x| lit.color(x, y)).collect();
-        let rays = match self.is_filtered() && self.igi.edges {
-            true => edges::refine(self.view, self.settings, lit, y, &mut colors),
-            false => 0,
-        };
+        let samples = self.igi.antialias.max(1);
+        let mut rays = 0;
+        if samples > 1 {
+            lit.add_fragments(y, self.is_filtered().then(|| self.view.camera.position()), &mut colors);
+            colors.iter_mut().for_each(|color| *color *= samples as f32);
+        } else if self.is_filtered() && self.igi.edges {
+            rays = edges::refine(self.view, self.settings, lit, y, &mut colors);
+        }
         (colors, rays)
     }
 }

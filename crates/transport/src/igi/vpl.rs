@@ -12,12 +12,15 @@ use heliostat_shading::{Sampler, Source};
 use super::importance::Contributions;
 use super::lights;
 use super::paths::{self, PathPlan, scaled};
+use super::residual::LEVELS;
 use super::sight::Sight;
 use crate::region::View;
 
 /// Keeps the numbers of short rays apart from those of light paths.
 const SHORT_RAYS: u32 = 0x7368_6f72;
-/// Sets whose pixels send short rays, at least.
+/// The same for the turns of parts.
+const TURNS: u32 = 0x7475_726e;
+/// Sets, or parts of them, whose points send short rays, at least.
 const SHORT_SETS: usize = 8;
 /// Candidates for each virtual point light that is kept.
 pub(super) const CANDIDATES: u32 = 8;
@@ -71,6 +74,11 @@ impl Candidate {
         Self { vpl, set, threshold: None }
     }
 
+    /// Whether it is kept in any case.
+    fn is_certain(&self) -> bool {
+        self.threshold.is_none()
+    }
+
     /// Whether it is on a light.
     pub(super) fn is_direct(&self) -> bool {
         self.vpl.bounces == 0
@@ -81,13 +89,19 @@ impl Candidate {
 #[derive(Debug, Default)]
 pub(super) struct VplSets {
     pub(super) sets: Vec<Vec<Vpl>>,
+    /// Parts of each set, one for each sample of a pixel: a power of two.
+    parts: u32,
+    /// Every part of every set, where there are several: strengthened, so that each stands for all of its set.
+    dealt: Vec<Vec<Vpl>>,
+    /// Which part of each set is for the first sample: in the mean over passes all are for every sample.
+    turns: Vec<u32>,
     /// All candidates, each of its share of the light: for what the camera's view says little about.
     pub(super) candidates: Vec<Vpl>,
     /// Largest geometric term that a patch may have, 1/m².
     pub(super) bound: f32,
-    /// A sample point of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
+    /// Sample points of each part of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
     /// neighbours together have a well distributed handful, and what is left of the noise is smooth.
-    pub(super) points: Vec<[f32; 4]>,
+    pub(super) points: Vec<[[f32; 4]; LEVELS]>,
     /// Rays traced to make them.
     pub(super) rays: u64,
 }
@@ -96,6 +110,8 @@ pub(super) struct VplSets {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VplPlan {
     pub(super) paths: PathPlan,
+    /// Parts of each set.
+    pub(super) parts: u32,
     /// A virtual point light may add this many times the mean irradiance at a point.
     pub(super) clamp: f32,
     /// Whether to draw more paths and to keep what matters to the camera.
@@ -103,20 +119,46 @@ pub(super) struct VplPlan {
 }
 
 impl VplSets {
-    /// By what the short rays of a set are to be multiplied, none if it has none: however many sets a pattern has, those of
+    /// Parts of each set.
+    pub(super) fn parts(&self) -> u32 {
+        self.parts
+    }
+
+    /// The part of a set that lights a sample of its pixels, among the parts of all sets.
+    pub(super) fn part(&self, set: usize, sample: u32) -> usize {
+        let parts = self.parts as usize;
+        set * parts + self.turns[set].wrapping_add(sample) as usize % parts
+    }
+
+    /// The virtual point lights of a part.
+    pub(super) fn of_part(&self, part: usize) -> &[Vpl] {
+        if self.parts == 1 { &self.sets[part] } else { &self.dealt[part] }
+    }
+
+    /// How many virtual point lights of a part are a share of them: at least one for all parts of a set.
+    pub(super) fn budget(&self, part: usize, share: f32) -> f32 {
+        (share * self.of_part(part).len() as f32).max(1.0 / self.parts as f32)
+    }
+
+    /// By what the short rays of a part are to be multiplied, none if it has none: however many there are, those of
     /// [`SHORT_SETS`] are enough.
-    pub(super) fn short_rays(&self, set: usize) -> Option<f32> {
-        let step = (self.sets.len() / SHORT_SETS).max(1);
+    pub(super) fn short_rays(&self, part: usize) -> Option<f32> {
+        let parts = self.points.len();
+        let step = (parts / SHORT_SETS).max(1);
         // The last ones of a step that is not whole.
-        let count = self.sets.len().div_ceil(step);
-        set.is_multiple_of(step).then(|| self.sets.len() as f32 / count as f32)
+        let count = parts.div_ceil(step);
+        part.is_multiple_of(step).then(|| parts as f32 / count as f32)
     }
 
     /// Draws all paths and keeps what matters of what they leave.
     pub(super) fn new<Q: RayQuery + ?Sized>(view: &View<'_, Q>, plan: &VplPlan) -> Self {
         let PathPlan { sets, pass, seed, .. } = plan.paths;
-        let point = |set| Sampler::along(pass.wrapping_mul(sets).wrapping_add(set), seed ^ SHORT_RAYS).set(0);
-        let points = (0..sets).map(point).collect();
+        let parts = sets * plan.parts;
+        let numbers = |of: u32, one, seed| Sampler::along(pass.wrapping_mul(of).wrapping_add(one), seed);
+        let point = |part| [0, 1, 2, 3].map(|level| numbers(parts, part, seed ^ SHORT_RAYS).set(level));
+        let points = (0..parts).map(point).collect();
+        let turn = |set| (numbers(sets, set, seed ^ TURNS).set(0)[0] * plan.parts as f32) as u32;
+        let turns: Vec<u32> = (0..sets).map(turn).collect();
         let most = (MOST_PATHS / (plan.paths.paths * sets).max(1)).clamp(1, CANDIDATES);
         let times = if plan.importance { most } else { 1 };
         let paths = PathPlan { paths: plan.paths.paths * times, ..plan.paths };
@@ -136,12 +178,67 @@ impl VplSets {
             vec![1.0; candidates.len()]
         };
         let mut kept = vec![Vec::new(); sets as usize];
-        for (Candidate { vpl, set, .. }, factor) in candidates.iter().zip(factors) {
+        for (candidate, factor) in candidates.iter().zip(factors) {
             if factor > 0.0 {
-                kept[*set as usize].push(Vpl { source: scaled(vpl.source.clone(), factor), ..*vpl });
+                let source = scaled(candidate.vpl.source.clone(), factor);
+                let vpl = Vpl { source, ..candidate.vpl };
+                kept[candidate.set as usize].push(Candidate { vpl, ..candidate.clone() });
             }
         }
-        let candidates = candidates.into_iter().map(|candidate| candidate.vpl).collect();
-        Self { sets: kept, candidates, bound, points, rays }
+        let dealt = if plan.parts > 1 {
+            kept.iter().flat_map(|set| deal(set, plan.parts)).collect()
+        } else {
+            Vec::new()
+        };
+        let own = |set: Vec<Candidate>| set.into_iter().map(|candidate| candidate.vpl).collect();
+        let sets = kept.into_iter().map(own).collect();
+        let candidates = own(candidates);
+        Self { sets, parts: plan.parts, dealt, turns, candidates, bound, points, rays }
+    }
+}
+
+/// The parts of a set: what samples of a pixel that see the same surface bring together is the light of the set. Those of as
+/// many bounces are dealt out in runs, which are well distributed. What is certain is in all parts.
+fn deal(set: &[Candidate], parts: u32) -> Vec<Vec<Vpl>> {
+    let mut dealt = vec![Vec::new(); parts as usize];
+    for run in set.chunk_by(|a, b| a.vpl.bounces == b.vpl.bounces && a.is_certain() == b.is_certain()) {
+        for (index, Candidate { vpl, .. }) in run.iter().enumerate() {
+            if run[0].is_certain() {
+                dealt.iter_mut().for_each(|part| part.push(vpl.clone()));
+            } else {
+                let part = index * parts as usize / run.len();
+                let source = scaled(vpl.source.clone(), parts as f32);
+                dealt[part].push(Vpl { source, ..*vpl });
+            }
+        }
+    }
+    dealt
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_parts_of_a_set_are_as_bright_as_it() {
+        let candidate = |(bounces, threshold)| {
+            let source =
+                Source::Patch { position: Vec3::ZERO, error: 0.0, normal: Vec3::Z, radiance: Vec3::ONE };
+            Candidate { vpl: Vpl { source, bounces }, set: 0, threshold }
+        };
+        let mut set = vec![candidate((0, None))];
+        set.extend([0, 0, 0, 0, 0, 1, 1, 2].map(|bounces| candidate((bounces, Some(0.5)))));
+        let parts = deal(&set, 4);
+        let brightness = |vpls: &[Vpl]| -> f32 {
+            let strength = |vpl: &Vpl| match vpl.source {
+                Source::Patch { radiance, .. } => radiance.x,
+                _ => 0.0,
+            };
+            vpls.iter().map(strength).sum()
+        };
+        let sum: f32 = parts.iter().map(|part| brightness(part)).sum();
+        assert_eq!(sum / 4.0, 9.0);
+        // What is certain is in all of them, and none is left with it alone.
+        assert!(parts.iter().all(|part| part.len() > 1 && brightness(part) > 1.0));
     }
 }
