@@ -44,9 +44,10 @@ pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Linear value of an 8-bit sRGB code, given as code / 255, on lanes: relative error below 5e-5, and 0 and 1 are exact.
+/// Linear value of an 8-bit sRGB code on lanes: relative error below 5e-5, and 0 and 255 are exact.
 #[inline(always)]
-pub(crate) fn srgb_decode_code<F: Real>(encoded: F) -> F {
+pub(crate) fn srgb_decode_code<F: Real>(code: F) -> F {
+    let encoded = code * UNIT;
     // 1 + (e − 1) q(e), a minimax fit to the codes of the curved part.
     let q = encoded * 0.138_854_64 + -0.393_678_2;
     let q = q * encoded + 0.481_875_36;
@@ -71,9 +72,9 @@ pub(crate) static UNIT8: [f32; 256] = {
     values
 };
 
-/// Linear values of all 8-bit sRGB codes.
+/// Linear values of all 8-bit sRGB codes, by [`srgb_decode_code`].
 pub(crate) static SRGB8: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f32 / 255.0)));
+    LazyLock::new(|| std::array::from_fn(|code| srgb_decode_code(code as f32)));
 
 #[cfg(test)]
 mod tests {
@@ -84,10 +85,10 @@ mod tests {
         for code in 0..=255 {
             let linear = SRGB8[code];
             assert_eq!((srgb_encode(linear) * 255.0).round() as usize, code);
-            let on_lanes = srgb_decode_code(code as f32 * UNIT);
-            assert!((on_lanes - linear).abs() <= 5e-5 * linear, "code {code}: {on_lanes}, not {linear}");
+            let exact = srgb_decode(code as f32 / 255.0);
+            assert!((linear - exact).abs() <= 5e-5 * exact, "code {code}: {linear}, not {exact}");
         }
-        assert_eq!(srgb_decode_code(1.0_f32), 1.0);
+        assert_eq!((SRGB8[0], SRGB8[255]), (0.0, 1.0));
         // 50 % grey code 188 ≈ 0.5029 linear by the standard's formula.
         assert!((srgb_decode(188.0 / 255.0) - 0.502886).abs() < 1e-5);
         assert!((luminance(Vec3::ONE) - 1.0).abs() < 1e-6);

@@ -93,6 +93,7 @@ fn materials() -> Vec<Material> {
         Material::glass("", 1.5),
         Material { emissive: Vec3::new(3.0, 2.0, 1.0), emissive_texture: texture(), ..plastic.clone() },
         Material { unlit: true, ..plastic.clone() },
+        Material { base_color_texture: Some(TextureRef::new(TextureId(1))), ..plastic.clone() },
         Material { shader: Some(Arc::new(ShaderUse::named("checker").with("size", 0.3))), ..plastic.clone() },
         Material { shader: Some(Arc::new(attributed)), ..plastic.clone() },
         Material { shader: Some(Arc::new(ShaderUse::named("no such shader"))), ..plastic },
@@ -108,7 +109,18 @@ fn textures() -> BTreeMap<TextureId, Arc<MipMap>> {
         wrap: [Wrap::Repeat, Wrap::Mirror],
         nearest: false,
     };
-    BTreeMap::from([(TextureId(0), Arc::new(MipMap::new(&texture)))])
+    let codes = (0..12 * 20 * 4).map(|i| (i * 37 % 256) as u8).collect();
+    let photo = Texture {
+        image: Arc::new(Image::rgba8(12, 20, codes)),
+        color_space: ColorSpace::Srgb,
+        wrap: [Wrap::Clamp, Wrap::Repeat],
+        nearest: true,
+        ..texture.clone()
+    };
+    BTreeMap::from([
+        (TextureId(0), Arc::new(MipMap::new(&texture))),
+        (TextureId(1), Arc::new(MipMap::new(&photo))),
+    ])
 }
 
 /// Everything that a packet is asked, as text that tells all bits apart.

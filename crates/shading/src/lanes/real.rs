@@ -310,7 +310,14 @@ impl Real for f32 {
 
     #[inline(always)]
     fn floor(self) -> Self {
-        Self::floor(self)
+        // Spelt out because the library's is a call where the instruction is not part of the baseline.
+        const WHOLE_FROM: f32 = (1 << 23) as f32;
+        if Self::abs(self) < WHOLE_FROM {
+            let truncated = self as i32 as f32;
+            let whole = if truncated > self { truncated - 1.0 } else { truncated };
+            return Self::copysign(whole, self);
+        }
+        self
     }
 
     #[inline(always)]

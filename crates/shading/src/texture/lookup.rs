@@ -4,8 +4,8 @@
 use heliostat_scene::{ColorSpace, Pixels, Wrap};
 
 use super::MipMap;
-use crate::color::{UNIT, srgb_decode_code};
-use crate::lanes::{LanesFn, Mask, Real, WIDTH, Whole, Wholes};
+use crate::color::{SRGB8, UNIT, srgb_decode_code};
+use crate::lanes::{LaneFn, LanesFn, Mask, Real, WIDTH, Whole, Wholes};
 
 /// What a texture is filtered over: squares side by side, in texture space.
 #[derive(Clone, Copy, Debug)]
@@ -138,12 +138,17 @@ impl MipMap {
     #[inline(always)]
     fn decoded<F: Real>(&self, codes: F::Whole) -> [F; 4] {
         let byte = codes.splat(0xff);
-        let r = (codes & byte).to_real() * UNIT;
-        let g = (codes.right(8) & byte).to_real() * UNIT;
-        let b = (codes.right(16) & byte).to_real() * UNIT;
+        let r = (codes & byte).to_real();
+        let g = (codes.right(8) & byte).to_real();
+        let b = (codes.right(16) & byte).to_real();
         let a = codes.right(24).to_real() * UNIT;
         match self.decode {
-            ColorSpace::Linear => [r, g, b, a],
+            ColorSpace::Linear => [r * UNIT, g * UNIT, b * UNIT, a],
+            // A single number is quicker looked up; the table holds what lanes compute.
+            ColorSpace::Srgb if F::LANES == 1 => {
+                let [r, g, b] = F::each([r, g, b], &Srgb8);
+                [r, g, b, a]
+            }
             ColorSpace::Srgb => [srgb_decode_code(r), srgb_decode_code(g), srgb_decode_code(b), a],
         }
     }
@@ -223,6 +228,17 @@ impl Corners {
         below.plus(left).store(c, 0);
         below.plus(right).store(d, 0);
         corners
+    }
+}
+
+/// Linear values of 8-bit sRGB codes.
+struct Srgb8;
+
+impl LaneFn<3, 3> for Srgb8 {
+    #[inline(always)]
+    fn at(&self, [r, g, b]: [f32; 3]) -> [f32; 3] {
+        let table: &[f32; 256] = &SRGB8;
+        [table[r as usize & 255], table[g as usize & 255], table[b as usize & 255]]
     }
 }
 
