@@ -52,9 +52,11 @@ others.
 
 ## Shaders of your own
 
-A program adds surface shaders by `ShaderRegistry::register` and environment shaders, which say how much light comes from a
-direction outside the scene, by `ShaderRegistry::register_environment`; `Engine::with_shaders` takes the registry. Both are small
-Rust traits over lanes with named parameters, `SurfaceShader` and `EnvironmentShader`. `Environment::Shader` names the latter with
+A program adds surface shaders by `ShaderRegistry::register`, environment shaders, which say how much light comes from a
+direction outside the scene, by `ShaderRegistry::register_environment`, and camera shaders, which say along which ray a point of
+the picture is seen, by `ShaderRegistry::register_camera`; `Engine::with_shaders` takes the registry. All are small Rust traits
+over lanes with named parameters: `SurfaceShader`, `EnvironmentShader`, `CameraShader`. `Camera::shader` names a camera shader in
+place of the projection; lens, eyes, place and motion of the camera work as ever. `Environment::Shader` names the latter with
 its parameters: rays that leave the scene ask the shader itself, and light sampling draws directions from a table of it, 512 by
 256, which changes of its parameters make anew. Surface shaders can also come from [plug-ins](plugins.md).
 "#;

@@ -177,16 +177,16 @@ impl Engine {
         &self,
         request: &FrameRequest,
         renderer: Renderer,
+        camera: &CameraRays,
         film: &Film,
         history: &mut Option<History>,
         progress: &Progress,
     ) -> Result<FrameStats, BackendError> {
         let start = Instant::now();
-        let camera = CameraRays::new(&request.camera, request.width, request.height);
         let scene = self.compiled.shading(&request.materials);
         let moving = request.camera.motion.is_some() || self.compiled.world().has_motion();
         let query = Metered::new(self.compiled.world());
-        let view = View { query: &query, scene, camera: &camera, moving };
+        let view = View { query: &query, scene, camera, moving };
         let settings = Settings {
             samples: request.samples,
             max_depth: request.max_depth,
@@ -339,6 +339,9 @@ impl Backend for Engine {
             |wanted| self.pixel_shaders.bind(wanted).map_err(|problem| BackendError::Request(problem.0));
         let pixel_shaders = request.pixel_shaders.iter().map(bind).collect::<Result<Vec<_>, _>>()?;
         let samples = request.samples.saturating_mul(renderer.samples_of_pass(&request.igi));
+        let camera =
+            CameraRays::with_shaders(&request.camera, (request.width, request.height), &self.shaders)
+                .map_err(|problem| BackendError::Request(problem.0))?;
         let planes = post::planes(request, &pixel_shaders);
         let film = Film::new(request, samples, &planes, self.spare.take());
         let mut history = self.history.take();
@@ -346,9 +349,8 @@ impl Backend for Engine {
             self.overridden = request.materials.clone();
             history.iter_mut().for_each(History::distrust);
         }
-        let camera = CameraRays::new(&request.camera, request.width, request.height);
         self.compiled.set_viewer(&request.materials, Some(camera.viewer()));
-        let stats = self.render_frame(request, renderer, &film, &mut history, progress);
+        let stats = self.render_frame(request, renderer, &camera, &film, &mut history, progress);
         self.compiled.set_viewer(&request.materials, None);
         self.history = history;
         let mut frame = film.finish();

@@ -11,7 +11,10 @@ use heliostat_scene::{
     ShaderUse, Sky,
 };
 use heliostat_shading::lanes::{Real, Vector};
-use heliostat_shading::{Constants, EnvironmentInfo, EnvironmentShader, Parameter, ShaderRegistry};
+use heliostat_shading::{
+    CameraInfo, CameraShader, Constants, EnvironmentInfo, EnvironmentShader, Parameter, PicturePlace,
+    ShaderRegistry,
+};
 
 const ALBEDO: f32 = 0.5;
 
@@ -239,6 +242,58 @@ impl EnvironmentShader for Zenith {
         let up = direction.y.max(direction.y.splat(0.0));
         values.vector(0) * (up * up)
     }
+}
+
+/// Parallel rays that are pressed together downwards: nothing that projections can do.
+#[derive(Debug)]
+struct Squeeze;
+
+impl CameraShader for Squeeze {
+    fn info(&self) -> CameraInfo {
+        let height = Parameter::float("height", 1.0, [0.01, 100.0], "m", "of the picture's upper half");
+        CameraInfo { name: "squeeze".into(), about: String::new(), parameters: vec![height] }
+    }
+
+    #[inline(always)]
+    fn ray<F: Real>(&self, at: &PicturePlace<F>, values: &Constants<'_, F>) -> [Vector<F>; 2] {
+        let (zero, two) = (at.x.splat(0.0), at.x.splat(2.0));
+        let scale = values.float(0) * two.where_or(at.y.lt(zero), at.x.splat(1.0));
+        [Vector::new(at.x * values.float(0), at.y * scale, zero), Vector::new(zero, zero, -two)]
+    }
+}
+
+#[test]
+fn cameras_can_be_shaders_of_the_program() {
+    let mut shaders = ShaderRegistry::built_in();
+    shaders.register_camera(Squeeze);
+    let mut seen = Engine::with_shaders(EngineOptions::default(), shaders).unwrap();
+    let mut scene = SceneBuilder::new();
+    let grey = scene.material(Material::diffuse("grey", Vec3::splat(ALBEDO)));
+    let mesh = scene.mesh(Mesh::quad(Vec3::new(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0));
+    let object = scene.object("floor", [(mesh, grey)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    seen.apply(&scene.finish(), &Progress::new()).unwrap();
+    let squeezed = |height: f32| {
+        let mut request = from_above("cast", 1);
+        request.camera.shader = Some(Arc::new(ShaderUse::named("squeeze").with("height", height)));
+        request.planes = vec![Plane::Position];
+        request
+    };
+    for renderer in ["cast", "path", "igi"] {
+        let request = FrameRequest { renderer: renderer.into(), ..squeezed(2.0) };
+        let frame = render(&mut seen, &request);
+        let places = &frame.planes[0].values;
+        // Rows of the lower half are twice as far apart; samples lie anywhere in a pixel.
+        for (row, z) in [(0, -0.97), (15, -0.03), (16, 0.06), (31, 1.94)] {
+            let found = places[(row * 32 + 16) * 3 + 2];
+            assert!((found - z).abs() < 0.07, "{renderer}, row {row}: {found}, expected {z}");
+        }
+    }
+    let refused = seen.render(&squeezed(0.0), &Progress::new());
+    assert!(matches!(refused, Err(BackendError::Request(problem)) if problem.contains("`height`")));
+    let mut unknown = engine(&[]);
+    let refused = unknown.render(&squeezed(1.0), &Progress::new());
+    assert!(matches!(refused, Err(BackendError::Request(problem)) if problem.contains("there are: none")));
 }
 
 #[test]

@@ -1,6 +1,10 @@
 //! Points of view.
 
+use std::sync::Arc;
+
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+
+use crate::ShaderUse;
 
 /// A view of the world. In camera space it looks along −Z with +Y up and +X to the right.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +21,8 @@ pub struct Camera {
     pub lens: Option<Lens>,
     /// `None` is a single eye.
     pub stereo: Option<Stereo>,
+    /// A camera shader in place of the projection, by a name that the program has registered.
+    pub shader: Option<Arc<ShaderUse>>,
 }
 
 /// How directions map to the picture. Width follows from the picture's aspect ratio.
@@ -102,6 +108,7 @@ impl Camera {
             projection: Projection::Perspective { vertical_fov },
             lens: None,
             stereo: None,
+            shader: None,
         }
     }
 

@@ -49,7 +49,10 @@ pub mod tone;
 
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
-pub use camera::{CameraRay, CameraRays, Cone, PicturePoints, RayPacket, Viewer};
+pub use camera::{
+    CameraInfo, CameraRay, CameraRays, CameraShader, Cone, PicturePlace, PicturePoints, RayPacket,
+    ShadedCamera, Viewer,
+};
 pub use closure::{Closure, Closures};
 pub use emission::{EmittedRay, Source};
 pub use environment::EnvironmentLight;

@@ -1,9 +1,10 @@
 //! How a user moves: around a point, through the air, or on the ground.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
 
 use glam::{Affine3A, EulerRot, Mat3, Mat3A, Quat, Vec2, Vec3};
-use heliostat_scene::{Camera, Lens, Projection, SceneBounds, Stereo};
+use heliostat_scene::{Camera, Lens, Projection, SceneBounds, ShaderUse, Stereo};
 use serde::{Deserialize, Serialize};
 
 /// Furthest that the view tilts up or down, radians: short of the poles, where turning would spin.
@@ -45,6 +46,7 @@ pub(crate) struct Navigator {
     projection: Projection,
     lens: Option<Lens>,
     stereo: Option<Stereo>,
+    shader: Option<Arc<ShaderUse>>,
     /// From the eye to the point that [`Mode::Orbit`] turns around, metres.
     distance: f32,
     /// Right, up, forward; −1 to 1 each: which way the user wants to go.
@@ -68,6 +70,7 @@ impl Navigator {
             projection: camera.projection,
             lens: None,
             stereo: None,
+            shader: None,
             distance: 1.0,
             drive: Vec3::ZERO,
             hurry: false,
@@ -100,6 +103,7 @@ impl Navigator {
         self.pitch = self.pitch.clamp(-MAX_PITCH, MAX_PITCH);
         self.eye = camera.world_from_camera.translation.into();
         (self.projection, self.lens, self.stereo) = (camera.projection, camera.lens, camera.stereo);
+        self.shader.clone_from(&camera.shader);
         self.falling = 0.0;
     }
 
@@ -113,6 +117,7 @@ impl Navigator {
             projection: self.projection,
             lens: self.lens,
             stereo: self.stereo,
+            shader: self.shader.clone(),
         }
     }
 

@@ -200,7 +200,7 @@ impl Key {
         }
     }
 
-    /// The camera of this view.
+    /// The camera of this view; camera shaders are not written down.
     pub fn camera(&self) -> Camera {
         Camera {
             name: "replay".into(),
@@ -209,6 +209,7 @@ impl Key {
             projection: self.projection(),
             lens: self.lens.map(|KeyLens { radius, focus_distance }| Lens { radius, focus_distance }),
             stereo: self.stereo.map(Into::into),
+            shader: None,
         }
     }
 

@@ -53,7 +53,15 @@ impl Loader<'_, '_> {
             );
         }
         let name = camera.name.as_deref().or(name).map_or_else(|| format!("camera {index}"), str::to_owned);
-        let camera = Camera { name, world_from_camera, motion: None, projection, lens: None, stereo: None };
+        let camera = Camera {
+            name,
+            world_from_camera,
+            motion: None,
+            projection,
+            lens: None,
+            stereo: None,
+            shader: None,
+        };
         self.stage.cameras.push((self.builder.camera(camera.clone()), camera, node));
         Ok(())
     }

@@ -12,6 +12,7 @@ use super::{
     SurfaceShader, constants,
 };
 use crate::attribute::AttributeInput;
+use crate::camera::{CameraProgram, CameraShader, ShadedCamera, camera_program};
 use crate::closure::Closure;
 use crate::environment::EnvironmentLight;
 use crate::environment_shader::{EnvironmentProgram, EnvironmentShader, ShaderLight, environment_program};
@@ -20,11 +21,12 @@ use crate::lobe_set::Lobes;
 use crate::material::Slot;
 use crate::texture::MipMap;
 
-/// The surface shaders that materials can name, and the environment shaders that scenes can.
+/// The surface shaders that materials can name, and the environment and camera shaders that scenes and cameras can.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderRegistry {
     programs: BTreeMap<String, Arc<dyn SurfaceProgram>>,
     environments: BTreeMap<String, Arc<dyn EnvironmentProgram>>,
+    cameras: BTreeMap<String, Arc<dyn CameraProgram>>,
     plugins: Option<Arc<dyn PluginSource>>,
 }
 
@@ -48,6 +50,25 @@ pub(crate) struct Bound {
     pub(crate) program: Arc<dyn SurfaceProgram>,
     pub(crate) inputs: Vec<Input>,
     pub(crate) info: ShaderInfo,
+}
+
+/// A program of some kind by its name, and what to call it.
+fn named<T: ?Sized>(
+    kind: &str,
+    programs: &BTreeMap<String, Arc<T>>,
+    wanted: &ShaderUse,
+) -> Result<(String, Arc<T>), ShaderProblem> {
+    let ShaderRef::Named(name) = &wanted.shader else {
+        return Err(ShaderProblem(format!(
+            "{kind} shaders come from the program, not from plug-ins; register it and name it"
+        )));
+    };
+    let program = programs.get(name).ok_or_else(|| {
+        let known: Vec<&str> = programs.keys().map(String::as_str).collect();
+        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        ShaderProblem(format!("there is no {kind} shader `{name}`; there are: {known}"))
+    })?;
+    Ok((format!("{kind} shader `{name}`"), program.clone()))
 }
 
 impl ShaderRegistry {
@@ -79,19 +100,25 @@ impl ShaderRegistry {
     /// # Errors
     /// [`ShaderProblem`] if there is no such shader or parameter, or a value is out of range or varies.
     pub fn environment(&self, wanted: &ShadedEnvironment) -> Result<EnvironmentLight, ShaderProblem> {
-        let ShaderRef::Named(name) = &wanted.shader.shader else {
-            let text =
-                "environment shaders come from the program, not from plug-ins; register it and name it";
-            return Err(ShaderProblem(text.into()));
-        };
-        let program = self.environments.get(name).ok_or_else(|| {
-            let known: Vec<&str> = self.environments.keys().map(String::as_str).collect();
-            let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-            ShaderProblem(format!("there is no environment shader `{name}`; there are: {known}"))
-        })?;
-        let what = format!("environment shader `{name}`");
+        let (what, program) = named("environment", &self.environments, &wanted.shader)?;
         let values = constants(&what, &program.info().parameters, &wanted.shader)?;
-        Ok(EnvironmentLight::Shader(ShaderLight::new(program.clone(), values, wanted)))
+        Ok(EnvironmentLight::Shader(ShaderLight::new(program, values, wanted)))
+    }
+
+    /// Adds a camera shader under its name, in place of one that has it already.
+    pub fn register_camera(&mut self, shader: impl CameraShader) {
+        let name = shader.info().name;
+        self.cameras.insert(name, camera_program(shader));
+    }
+
+    /// The camera shader that a camera names, with its values.
+    ///
+    /// # Errors
+    /// [`ShaderProblem`] if there is no such shader or parameter, or a value is out of range or varies.
+    pub fn camera(&self, wanted: &ShaderUse) -> Result<ShadedCamera, ShaderProblem> {
+        let (what, program) = named("camera", &self.cameras, wanted)?;
+        let values = constants(&what, &program.info().parameters, wanted)?;
+        Ok(ShadedCamera::new(program, values))
     }
 
     /// All surface shaders by name.

@@ -1,5 +1,9 @@
 //! Camera rays, single ones and packets.
 
+mod shader;
+#[cfg(test)]
+mod tests;
+
 use std::f32::consts::{PI, TAU};
 
 use fearless_simd::{Level, Simd};
@@ -10,7 +14,10 @@ use crate::basis::Basis;
 use crate::lanes::{Floats, Packet, Real, Vector, Vectors, cos_sin_turns};
 use crate::packet::on_lanes;
 use crate::sampling::disk_lanes;
+use crate::shader::{ShaderProblem, ShaderRegistry};
 use crate::surface::LaneMode;
+pub use shader::{CameraInfo, CameraShader, PicturePlace, ShadedCamera};
+pub(crate) use shader::{CameraProgram, camera_program};
 
 /// A camera made ready for one picture size.
 #[derive(Clone, Debug)]
@@ -22,6 +29,8 @@ pub struct CameraRays {
     /// From heights of the picture to what the projection needs: tangents, metres, turns, sines.
     scale: f32,
     cone: Cone,
+    /// In place of the projection.
+    shader: Option<ShadedCamera>,
 }
 
 /// One camera ray with its footprint.
@@ -74,6 +83,15 @@ pub enum Viewer {
     Towards(Vec3),
 }
 
+impl PicturePoints {
+    /// Sets a lane: the pixel, the point that picks one on the lens, and the time.
+    pub fn set(&mut self, lane: usize, (pixel, lens, time): ([f32; 2], [f32; 2], f32)) {
+        (self.pixel[0].0[lane], self.pixel[1].0[lane]) = (pixel[0], pixel[1]);
+        (self.lens[0].0[lane], self.lens[1].0[lane]) = (lens[0], lens[1]);
+        self.time.0[lane] = time;
+    }
+}
+
 /// Camera rays, a lane each.
 #[derive(Clone, Debug, Default)]
 pub struct RayPacket {
@@ -83,6 +101,17 @@ pub struct RayPacket {
     pub direction: Vectors,
 }
 
+/// Points of the picture as one eye sees it.
+struct Film<F> {
+    /// From the top left corner of the eye's picture.
+    pixel: [F; 2],
+    /// From the picture's centre, in heights of the picture, to the right and up.
+    x: F,
+    y: F,
+    /// −1 is the left one, 1 the right one.
+    eye: Option<F>,
+}
+
 /// A camera's place, per lane: origin and axes of unit length.
 struct Place<F> {
     origin: Vector<F>,
@@ -90,7 +119,24 @@ struct Place<F> {
 }
 
 impl CameraRays {
-    /// For a picture of `width` × `height` pixels.
+    /// For a picture of `width` × `height` pixels by a camera that may have a shader.
+    ///
+    /// # Errors
+    /// [`ShaderProblem`] if there is no such shader or parameter, or a value is out of range or varies.
+    pub fn with_shaders(
+        camera: &Camera,
+        (width, height): (u32, u32),
+        shaders: &ShaderRegistry,
+    ) -> Result<Self, ShaderProblem> {
+        let mut rays = Self::new(camera, width, height);
+        if let Some(wanted) = &camera.shader {
+            rays.shader = Some(shaders.camera(wanted)?);
+            rays.cone = rays.measured_cone();
+        }
+        Ok(rays)
+    }
+
+    /// For a picture of `width` × `height` pixels by the camera's projection, whatever its shader.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let picture = Vec2::new(width as f32, height as f32);
         let size = match camera.stereo.map(|stereo| stereo.view) {
@@ -118,7 +164,19 @@ impl CameraRays {
             camera: camera.clone(),
             scale,
             cone,
+            shader: None,
         }
+    }
+
+    /// The footprint at the picture's centre, by the rays of neighbouring pixels.
+    fn measured_cone(&self) -> Cone {
+        let at = |offset: Vec2| self.ray(0.5 * self.size + offset, Vec2::splat(0.5), 0.0);
+        let (centre, aside, below) = (at(Vec2::ZERO), at(Vec2::X), at(Vec2::Y));
+        let apart = |of: fn(&CameraRay) -> Vec3| {
+            of(&aside).distance(of(&centre)).max(of(&below).distance(of(&centre)))
+        };
+        let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
+        Cone { width: finite(apart(|ray| ray.origin)), spread: finite(apart(|ray| ray.direction)) }
     }
 
     /// The point all rays start from when the shutter opens, if there is one.
@@ -129,7 +187,7 @@ impl CameraRays {
             (Projection::Panoramic, Some(_)) => true,
             (_, Some(stereo)) => !matches!(stereo.view, StereoView::Left | StereoView::Right),
         };
-        if spread || self.lens_radius() > 0.0 {
+        if spread || self.shader.is_some() || self.lens_radius() > 0.0 {
             return None;
         }
         Some(self.ray(Vec2::ZERO, Vec2::splat(0.5), 0.0).origin)
@@ -152,7 +210,9 @@ impl CameraRays {
     /// From where shaders that do not ask for the ray see the scene: when the shutter opens, and between the eyes.
     pub fn viewer(&self) -> Viewer {
         match self.camera.projection {
-            Projection::Orthographic { .. } => Viewer::Towards(self.world_from_camera.matrix3.z_axis.into()),
+            Projection::Orthographic { .. } if self.shader.is_none() => {
+                Viewer::Towards(self.world_from_camera.matrix3.z_axis.into())
+            }
             _ => Viewer::At(self.position()),
         }
     }
@@ -165,7 +225,7 @@ impl CameraRays {
         let axis = |axis: glam::Vec3A| Vec3::from(axis).dot(way);
         let axes = self.world_from_camera.matrix3;
         let depth = -axis(axes.z_axis);
-        if depth <= 0.0 || self.camera.stereo.is_some() {
+        if depth <= 0.0 || self.camera.stereo.is_some() || self.shader.is_some() {
             return None;
         }
         let heights = Vec2::new(axis(axes.x_axis), -axis(axes.y_axis)) / (depth * self.scale);
@@ -180,48 +240,72 @@ impl CameraRays {
     /// The ray through a point of the picture (pixels, from the top left corner); `u_lens` picks a point on the lens;
     /// `time` lies in [0, 1] of the shutter interval.
     pub fn ray(&self, pixel: Vec2, u_lens: Vec2, time: f32) -> CameraRay {
-        let (origin, direction) = self.lanes::<f32>((), pixel.into(), u_lens.into(), time);
+        let (pixel, u_lens) = (pixel.to_array(), u_lens.to_array());
+        if self.shader.is_some() {
+            let (mut points, mut out) = (PicturePoints::default(), RayPacket::default());
+            points.set(0, (pixel, u_lens, time));
+            self.rays(LaneMode::Single, &points, 1, &mut out);
+            return CameraRay { origin: out.origin.get(0), direction: out.direction.get(0), cone: self.cone };
+        }
+        let film = self.film::<f32>((), pixel);
+        let (origin, direction) = self.placed((), &film, self.projected(&film), u_lens, time);
         CameraRay { origin: origin.into(), direction: direction.into(), cone: self.cone }
     }
 
     /// The rays through the first `count` points, of the same bits as [`Self::ray`] gives.
     pub fn rays(&self, mode: LaneMode, points: &PicturePoints, count: usize, out: &mut RayPacket) {
+        if let Some(shader) = &self.shader {
+            shader.run(mode, count, self, points, out);
+        }
         on_lanes!(mode, count, |token, lane| ray_lanes::<_>(token, lane, self, points, out));
     }
 
+    /// Where points of the picture (pixels) are on the film.
     #[inline(always)]
-    fn lanes<F: Real>(
-        &self,
-        token: F::Token,
-        pixel: [F; 2],
-        u_lens: [F; 2],
-        time: F,
-    ) -> (Vector<F>, Vector<F>) {
-        let zero = F::constant(token, 0.0);
+    fn film<F: Real>(&self, token: F::Token, pixel: [F; 2]) -> Film<F> {
         let (pixel, eye) = self.eye(token, pixel);
-        // From the picture's centre, in heights of the picture, y up.
         let x = (pixel[0] - 0.5 * self.size.x) * (1.0 / self.size.y);
         let y = (pixel[1] - 0.5 * self.size.y) * (-1.0 / self.size.y);
-        let mut origin = Vector::grey(zero);
-        let mut direction = Vector::new(zero, zero, F::constant(token, -1.0));
-        // Along rays through the centre, in which direction the right eye lies.
-        let mut aside = Vector::new(F::constant(token, 1.0), zero, zero);
+        Film { pixel, x, y, eye }
+    }
+
+    /// Origins and directions of any length in camera space, and in which direction the right eye lies.
+    #[inline(always)]
+    fn projected<F: Real>(&self, film: &Film<F>) -> [Vector<F>; 3] {
+        let Film { pixel, x, y, .. } = *film;
+        let zero = x.splat(0.0);
+        let ahead = Vector::new(zero, zero, x.splat(-1.0));
+        let aside = Vector::new(x.splat(1.0), zero, zero);
         match self.camera.projection {
             Projection::Perspective { .. } => {
-                direction = Vector::new(x * self.scale, y * self.scale, direction.z);
+                [Vector::grey(zero), Vector::new(x * self.scale, y * self.scale, ahead.z), aside]
             }
-            Projection::Orthographic { .. } => origin = Vector::new(x * self.scale, y * self.scale, zero),
+            Projection::Orthographic { .. } => {
+                [Vector::new(x * self.scale, y * self.scale, zero), ahead, aside]
+            }
             Projection::Panoramic => {
                 let (cos, sin) = cos_sin_turns(pixel[0] * (1.0 / self.size.x) - 0.5);
                 let (across, up) = cos_sin_turns((pixel[1] * (-1.0 / self.size.y) + 0.5) * 0.5);
-                direction = Vector::new(across * sin, up, -(across * cos));
-                aside = Vector::new(cos, zero, sin);
+                let direction = Vector::new(across * sin, up, -(across * cos));
+                [Vector::grey(zero), direction, Vector::new(cos, zero, sin)]
             }
             Projection::FisheyeEquidistant { .. } | Projection::FisheyeEquisolid { .. } => {
-                direction = self.fisheye(x, y);
+                [Vector::grey(zero), self.fisheye(x, y), aside]
             }
         }
-        if let (Some(stereo), Some(side)) = (self.camera.stereo, eye) {
+    }
+
+    /// Rays of camera space as an eye and the lens see them, in world space.
+    #[inline(always)]
+    fn placed<F: Real>(
+        &self,
+        token: F::Token,
+        film: &Film<F>,
+        [mut origin, mut direction, aside]: [Vector<F>; 3],
+        u_lens: [F; 2],
+        time: F,
+    ) -> (Vector<F>, Vector<F>) {
+        if let (Some(stereo), Some(side)) = (self.camera.stereo, film.eye) {
             let offset = aside * (side * (0.5 * stereo.separation));
             direction = self.converged(direction, offset, stereo.convergence);
             origin = origin + offset;
@@ -232,6 +316,15 @@ impl CameraRays {
         let turned = right * direction.x + up * direction.y + back * direction.z;
         let moved = place.origin + right * origin.x + up * origin.y + back * origin.z;
         (moved, turned.normalized_or(-back))
+    }
+
+    /// Whether directions reach as far along the view axis everywhere.
+    fn is_flat(&self) -> bool {
+        let flat = matches!(
+            self.camera.projection,
+            Projection::Perspective { .. } | Projection::Orthographic { .. }
+        );
+        flat && self.shader.is_none()
     }
 
     /// The point of an eye's own picture, and which eye: −1 is the left one, 1 the right one.
@@ -273,13 +366,10 @@ impl CameraRays {
     /// A direction from an eye off the centre to the point that the centre sees at the distance of convergence.
     #[inline(always)]
     fn converged<F: Real>(&self, direction: Vector<F>, offset: Vector<F>, convergence: f32) -> Vector<F> {
-        let depth = match self.camera.projection {
-            Projection::Panoramic => return direction,
-            Projection::FisheyeEquidistant { .. } | Projection::FisheyeEquisolid { .. } => {
-                direction.x.splat(1.0)
-            }
-            _ => -direction.z,
-        };
+        if matches!(self.camera.projection, Projection::Panoramic) && self.shader.is_none() {
+            return direction;
+        }
+        let depth = if self.is_flat() { -direction.z } else { direction.x.splat(1.0) };
         // Infinity leaves the direction as it is.
         direction - offset * (depth * (1.0 / convergence))
     }
@@ -299,15 +389,12 @@ impl CameraRays {
         let zero = direction.x.splat(0.0);
         let [lens_x, lens_y] = disk_lanes(u);
         let (lens_x, lens_y) = (lens_x * lens.radius, lens_y * lens.radius);
-        let (depth, on_lens) = match self.camera.projection {
-            Projection::Perspective { .. } | Projection::Orthographic { .. } => {
-                (-direction.z, Vector::new(lens_x, lens_y, zero))
-            }
+        let (depth, on_lens) = if self.is_flat() {
+            (-direction.z, Vector::new(lens_x, lens_y, zero))
+        } else {
             // Without one axis, the lens stands across each ray.
-            _ => {
-                let basis = Basis::from_normal(direction.normalized_or(direction));
-                (zero.splat(1.0), basis.to_world(Vector::new(lens_x, lens_y, zero)))
-            }
+            let basis = Basis::from_normal(direction.normalized_or(direction));
+            (zero.splat(1.0), basis.to_world(Vector::new(lens_x, lens_y, zero)))
         };
         let focus = direction * (depth.recip() * lens.focus_distance);
         (origin + on_lens, focus - on_lens)
@@ -369,7 +456,17 @@ fn ray_lanes<F: Real>(
     let pixel = [gathered::<F>(token, pixel_x, lane), gathered(token, pixel_y, lane)];
     let u_lens = [gathered(token, lens_u, lane), gathered(token, lens_v, lane)];
     let time = gathered(token, &points.time, lane);
-    let (origin, direction) = camera.lanes(token, pixel, u_lens, time);
+    let film = camera.film(token, pixel);
+    let ray = match &camera.shader {
+        None => camera.projected(&film),
+        Some(_) => {
+            let zero = F::constant(token, 0.0);
+            let (origin, direction) = (&out.origin, &out.direction);
+            let aside = Vector::new(zero.splat(1.0), zero, zero);
+            [Vector::load(token, origin, lane), Vector::load(token, direction, lane), aside]
+        }
+    };
+    let (origin, direction) = camera.placed(token, &film, ray, u_lens, time);
     origin.store(&mut out.origin, lane);
     direction.store(&mut out.direction, lane);
 }
@@ -387,179 +484,4 @@ fn rigid(place: &Affine3A) -> Affine3A {
     let right = right.unwrap_or_else(|| back.any_orthonormal_vector());
     let axes = Mat3A::from_cols(right.into(), back.cross(right).into(), back.into());
     Affine3A { matrix3: axes, translation: place.translation }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::lanes::WIDTH;
-    use heliostat_kernel::Isa;
-    use heliostat_scene::Lens;
-
-    fn camera(projection: Projection, lens: Option<Lens>) -> CameraRays {
-        let mut camera =
-            Camera::look_at("", Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 0.0), Vec3::Y, 1.0);
-        camera.projection = projection;
-        camera.lens = lens;
-        CameraRays::new(&camera, 200, 100)
-    }
-
-    #[test]
-    fn perspective_spans_the_vertical_field_of_view() {
-        let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, None);
-        let top = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO, 0.0).direction;
-        let bottom = rays.ray(Vec2::new(100.0, 100.0), Vec2::ZERO, 0.0).direction;
-        assert!((top.angle_between(bottom) - 1.0).abs() < 1e-5);
-        assert!(top.y > 0.0, "row 0 is up");
-        assert!(
-            rays.ray(Vec2::new(200.0, 50.0), Vec2::ZERO, 0.0).direction.x > 0.0,
-            "columns run to the right"
-        );
-        assert_eq!(rays.common_origin(), Some(Vec3::new(1.0, 2.0, 3.0)));
-    }
-
-    #[test]
-    fn points_are_seen_where_their_rays_pass() {
-        let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, None);
-        for pixel in [Vec2::new(3.0, 97.5), Vec2::new(100.0, 50.0), Vec2::new(-20.0, 130.0)] {
-            let ray = rays.ray(pixel, Vec2::ZERO, 0.0);
-            let seen = rays.project(ray.origin + 7.0 * ray.direction).expect("before the camera");
-            assert!((seen - pixel).length() < 1e-3, "{seen}, expected {pixel}");
-            assert_eq!(rays.project(ray.origin - 7.0 * ray.direction), None);
-        }
-        let flat = camera(Projection::Orthographic { height: 1.0 }, None);
-        assert_eq!(flat.project(Vec3::ZERO), None);
-    }
-
-    #[test]
-    fn lens_rays_meet_in_the_plane_of_focus() {
-        let lens = Lens { radius: 0.2, focus_distance: 2.0 };
-        let rays = camera(Projection::Perspective { vertical_fov: 1.0 }, Some(lens));
-        assert_eq!(rays.common_origin(), None);
-        let at_focus = |u: Vec2| {
-            let ray = rays.ray(Vec2::new(30.0, 80.0), u, 0.0);
-            ray.origin + ray.direction * ((ray.origin.z - 1.0) / -ray.direction.z)
-        };
-        let spread = at_focus(Vec2::new(0.9, 0.1)).distance(at_focus(Vec2::new(0.2, 0.6)));
-        assert!(spread < 1e-5, "{spread}");
-    }
-
-    #[test]
-    fn orthographic_and_panoramic() {
-        let rays = camera(Projection::Orthographic { height: 4.0 }, None);
-        let ray = rays.ray(Vec2::new(100.0, 0.0), Vec2::ZERO, 0.0);
-        assert!(
-            ray.origin.distance(Vec3::new(1.0, 4.0, 3.0)) < 1e-5
-                && ray.direction.distance(Vec3::NEG_Z) < 1e-6
-        );
-        let rays = camera(Projection::Panoramic, None);
-        assert!(rays.ray(Vec2::new(100.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::NEG_Z) < 1e-6);
-        assert!(rays.ray(Vec2::new(150.0, 50.0), Vec2::ZERO, 0.0).direction.distance(Vec3::X) < 1e-6);
-        assert!(rays.ray(Vec2::new(3.0, 0.0), Vec2::ZERO, 0.0).direction.distance(Vec3::Y) < 1e-6);
-    }
-
-    #[test]
-    fn fisheyes_have_their_angles() {
-        let axis = Vec3::NEG_Z;
-        for (projection, half) in [
-            // At half the radius: half the angle, or half the sine of half the angle.
-            (Projection::FisheyeEquidistant { fov: 2.0 }, 0.5),
-            (Projection::FisheyeEquisolid { fov: 2.0 }, 2.0 * (0.5 * 0.5_f32.sin()).asin()),
-        ] {
-            let rays = camera(projection, None);
-            let angle =
-                |x: f32, y: f32| rays.ray(Vec2::new(x, y), Vec2::ZERO, 0.0).direction.angle_between(axis);
-            assert!((angle(100.0, 0.0) - 1.0).abs() < 1e-5 && (angle(150.0, 50.0) - 1.0).abs() < 1e-5);
-            assert!((angle(100.0, 25.0) - half).abs() < 1e-5, "{}", angle(100.0, 25.0));
-            assert!(angle(100.0, 50.0) < 1e-3 && rays.common_origin().is_some());
-            assert!(rays.ray(Vec2::new(100.0, 10.0), Vec2::ZERO, 0.0).direction.y > 0.0);
-        }
-        // Equal areas show equal solid angles, and the corner of a full sphere looks straight back.
-        let rays = camera(Projection::FisheyeEquisolid { fov: TAU }, None);
-        let ring = |r: f32| 1.0 + rays.ray(Vec2::new(100.0 + r, 50.0), Vec2::ZERO, 0.0).direction.z;
-        assert!(
-            (ring(20.0) / ring(10.0) - 4.0).abs() < 1e-3 && (ring(40.0) / ring(10.0) - 16.0).abs() < 1e-2
-        );
-        assert!(rays.ray(Vec2::ZERO, Vec2::ZERO, 0.0).direction.distance(Vec3::Z) < 1e-3);
-    }
-
-    #[test]
-    fn eyes_see_the_same_at_the_distance_of_convergence() {
-        let eyes = |projection, view| {
-            let mut camera = Camera::look_at("", Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 1.0);
-            camera.projection = projection;
-            camera.stereo = Some(heliostat_scene::Stereo { separation: 0.5, convergence: 4.0, view });
-            CameraRays::new(&camera, 200, 100)
-        };
-        let perspective = Projection::Perspective { vertical_fov: 1.0 };
-        let [left, right] = [StereoView::Left, StereoView::Right].map(|view| eyes(perspective, view));
-        let at = |rays: &CameraRays, x: f32, y: f32| rays.ray(Vec2::new(x, y), Vec2::ZERO, 0.0);
-        let (a, b) = (at(&left, 30.0, 20.0), at(&right, 30.0, 20.0));
-        assert!((a.origin - Vec3::new(-0.25, 0.0, 0.0)).length() < 1e-6);
-        assert_eq!((left.common_origin(), right.common_origin()), (Some(a.origin), Some(b.origin)));
-        let reach = |ray: CameraRay| ray.origin + ray.direction * (4.0 / -ray.direction.z);
-        assert!(reach(a).distance(reach(b)) < 1e-5);
-        // Side by side: each half is the picture of an eye, here of half the width.
-        let both = eyes(perspective, StereoView::SideBySide);
-        assert_eq!(both.common_origin(), None);
-        assert!(at(&both, 50.0, 50.0).origin.x < 0.0 && at(&both, 150.0, 50.0).origin.x > 0.0);
-        let seen = reach(at(&both, 50.0, 50.0)).distance(reach(at(&both, 150.0, 50.0)));
-        assert!(seen < 1e-5, "{seen}");
-        // A panorama's eyes lie beside each other whichever way one looks.
-        let both = eyes(Projection::Panoramic, StereoView::OverUnder);
-        for x in [10.0, 100.0, 170.0] {
-            let (above, below) = (at(&both, x, 25.0), at(&both, x, 75.0));
-            assert!(above.direction.distance(below.direction) < 1e-6);
-            let way = below.origin - above.origin;
-            assert!((way.length() - 0.5).abs() < 1e-6 && way.dot(above.direction).abs() < 1e-6);
-            assert!(above.direction.cross(Vec3::Y).dot(way) > 0.0, "the right eye is on the right");
-        }
-    }
-
-    #[test]
-    fn packets_of_rays_have_the_bits_of_single_rays() {
-        let lens = Some(Lens { radius: 0.1, focus_distance: 3.0 });
-        let stereo = |view| heliostat_scene::Stereo { separation: 0.07, convergence: 2.0, view };
-        for projection in [
-            Projection::Perspective { vertical_fov: 1.0 },
-            Projection::Orthographic { height: 3.0 },
-            Projection::Panoramic,
-            Projection::FisheyeEquidistant { fov: 3.0 },
-            Projection::FisheyeEquisolid { fov: 6.0 },
-        ] {
-            for (lens, view) in [
-                (None, None),
-                (lens, None),
-                (None, Some(StereoView::SideBySide)),
-                (lens, Some(StereoView::Right)),
-            ] {
-                let mut camera = Camera::look_at("", Vec3::ONE, Vec3::ZERO, Vec3::Y, 1.0);
-                let turned = Affine3A::from_rotation_y(0.3) * camera.world_from_camera;
-                (camera.projection, camera.lens, camera.stereo) = (projection, lens, view.map(stereo));
-                camera.motion = Some(turned);
-                let rays = CameraRays::new(&camera, 64, 48);
-                let mut points = PicturePoints::default();
-                for lane in 0..WIDTH {
-                    let [a, b, c, d] = crate::Sampler::along(lane as u32, 3).set(0);
-                    let time = if lane % 3 == 0 { 0.0 } else { a * d };
-                    (points.pixel[0].0[lane], points.pixel[1].0[lane]) = (a * 64.0, b * 48.0);
-                    (points.lens[0].0[lane], points.lens[1].0[lane]) = (c, d);
-                    points.time.0[lane] = time;
-                }
-                for level in Isa::available().into_iter().filter_map(Isa::level) {
-                    let mut packet = RayPacket::default();
-                    rays.rays(LaneMode::Packets(level), &points, WIDTH, &mut packet);
-                    for lane in 0..WIDTH {
-                        let pixel = Vec2::new(points.pixel[0].0[lane], points.pixel[1].0[lane]);
-                        let u_lens = Vec2::new(points.lens[0].0[lane], points.lens[1].0[lane]);
-                        let ray = rays.ray(pixel, u_lens, points.time.0[lane]);
-                        assert_eq!(
-                            (packet.origin.get(lane), packet.direction.get(lane)),
-                            (ray.origin, ray.direction)
-                        );
-                    }
-                }
-            }
-        }
-    }
 }
