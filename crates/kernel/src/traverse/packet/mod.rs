@@ -132,6 +132,26 @@ impl Packet {
         usable.to_bitmask() as u16
     }
 
+    /// Takes up rays in lanes, of which those in `used` are known to be in the usable range; each looks as far as to its
+    /// limit, excluded. Returns the lanes that can hit something.
+    #[inline(always)]
+    pub(super) fn take<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: &Lined<f32x16<S>>,
+        limit: f32x16<S>,
+        used: mask32x16<S>,
+    ) -> u16 {
+        let limit = f32x16::from_bits(limit.to_bits() - 1).min(rays.end);
+        self.origin = rays.origin.map(Into::into);
+        self.direction = rays.direction.map(Into::into);
+        self.t_min = rays.t_min.into();
+        self.end = rays.end.into();
+        self.limit = used.select(limit, f32x16::splat(simd, -1.0)).into();
+        self.met = 0;
+        used.to_bitmask() as u16
+    }
+
     /// The ray in a lane, of a world in which nothing moves.
     #[inline(always)]
     pub(super) fn ray(&self, lane: usize) -> LocalRay {

@@ -419,7 +419,7 @@ fn lanes<S: Simd>(simd: S, values: &[f32; Tile::CAPACITY], g: usize) -> f32x16<S
 
 /// The first `count` of 16 lanes.
 #[inline(always)]
-fn first_lanes<S: Simd>(simd: S, count: usize) -> mask32x16<S> {
+pub(super) fn first_lanes<S: Simd>(simd: S, count: usize) -> mask32x16<S> {
     mask16(simd, ((1_u32 << count.min(GROUP)) - 1) as u16)
 }
 
