@@ -207,35 +207,65 @@ fn neighbours(rng: &mut Rng, mesh: &Mesh, place: &Affine3A, i: usize) -> Vec<Ray
     (0..8 + i % 50).map(ray).collect()
 }
 
+/// Short rays every way from about one place near seams: a packet keeps them together though their signs differ.
+fn short_rays(rng: &mut Rng, mesh: &Mesh, place: &Affine3A, i: usize) -> Vec<Ray> {
+    let length = [0.02, 0.1, 0.3][i % 3];
+    let first = rng.below(mesh.indices.len());
+    let [a, b, _] = mesh.indices[first].map(|k| mesh.positions[k as usize]);
+    let from = a.lerp(b, rng.unit());
+    let ray = |j: usize| {
+        let origin = from + rng.vec() * (0.3 * length);
+        let triangle = mesh.indices[(first + rng.below(6)) % mesh.indices.len()];
+        let [a, b] = [j % 3, (j + 1) % 3].map(|k| mesh.positions[triangle[k] as usize]);
+        let direction = if j.is_multiple_of(2) { a.lerp(b, rng.unit()) - origin } else { rng.vec() };
+        let direction = direction.normalize_or(Vec3::X) * length * rng.unit().max(0.1);
+        let (origin, end) = (place.transform_point3(origin), place.transform_point3(origin + direction));
+        Ray { t_max: if j.is_multiple_of(5) { 2.0 } else { 1.0 }, ..Ray::segment(origin, end) }
+    };
+    (0..8 + i % 50).map(ray).collect()
+}
+
+type MakeRays = fn(&mut Rng, &Mesh, &Affine3A, usize) -> Vec<Ray>;
+
 #[test]
 fn batches_of_neighbours() {
+    batches(401, neighbours);
+}
+
+#[test]
+fn batches_of_short_rays() {
+    batches(501, short_rays);
+}
+
+fn batches(seed: u64, make: MakeRays) {
     let alone = [Affine3A::IDENTITY];
     for round in 0..hunt(2) {
-        let mut rng = Rng::new(401 + round);
+        let mut rng = Rng::new(seed + round);
         let (thick, thin) = (tube(9, 60, 0.2, waves), tube(6, 80, 0.01, |_, _| Vec3::ZERO));
         let many = places(&mut rng, 60);
         let heaped = Arc::new(heap(&object(std::slice::from_ref(&thin)), &many));
         let cases = [(object(std::slice::from_ref(&thick)), &thick, &alone[..]), (heaped, &thin, &many[..])];
         for (root, mesh, places) in cases {
             for i in 0..180 {
-                let rays = neighbours(&mut rng, mesh, &places[i % places.len()], i);
+                let rays = make(&mut rng, mesh, &places[i % places.len()], i);
                 for isa in Isa::available() {
                     let world = World::with_isa(root.clone(), isa).expect("available");
-                    let (mut hits, mut dark) = ([Hit::MISS; 64], [false; 64]);
-                    world.intersect(&rays, &mut hits[..rays.len()]);
-                    world.occluded(&rays, &mut dark[..rays.len()]);
-                    for (j, ray) in rays.iter().enumerate() {
-                        let (mut hit, mut occluded) = ([Hit::MISS], [false]);
-                        world.intersect(std::slice::from_ref(ray), &mut hit);
-                        world.occluded(std::slice::from_ref(ray), &mut occluded);
-                        assert_eq!(
-                            (hits[j], dark[j]),
-                            (hit[0], occluded[0]),
-                            "{isa} {round} {i} {j}: {ray:?}"
-                        );
-                    }
+                    assert_as_alone(&world, &rays, &format!("{isa} {round} {i}"));
                 }
             }
         }
+    }
+}
+
+/// A batch's answers are those of its rays one by one.
+fn assert_as_alone(world: &World, rays: &[Ray], what: &str) {
+    let (mut hits, mut dark) = ([Hit::MISS; 64], [false; 64]);
+    world.intersect(rays, &mut hits[..rays.len()]);
+    world.occluded(rays, &mut dark[..rays.len()]);
+    for (j, ray) in rays.iter().enumerate() {
+        let (mut hit, mut occluded) = ([Hit::MISS], [false]);
+        world.intersect(std::slice::from_ref(ray), &mut hit);
+        world.occluded(std::slice::from_ref(ray), &mut occluded);
+        assert_eq!((hits[j], dark[j]), (hit[0], occluded[0]), "{what} {j}: {ray:?}");
     }
 }

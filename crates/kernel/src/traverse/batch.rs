@@ -1,9 +1,11 @@
 //! Batches of unrelated rays.
+use std::cell::Cell;
+
 use fearless_simd::Simd;
 
 use super::{
     Within,
-    descent::{self, Answers, Scratch},
+    descent::{self, Answers, Walker},
     instances,
     local::LocalRay,
     packet::Packet,
@@ -23,6 +25,23 @@ use crate::{
 const BATCH: usize = 256;
 /// Fewer rays than this are not worth a packet.
 const FEW_RAYS: usize = 4;
+/// Rays up to this share of a scene's largest extent are short.
+const SHORT: f32 = 0.25;
+
+thread_local! {
+    /// A walker kept between queries of a thread: a batch of few rays is too short to pay for a fresh one. Holds no state.
+    static KEPT: Cell<Option<Box<Walker>>> = const { Cell::new(None) };
+}
+
+#[inline(never)]
+fn reuse() -> Box<Walker> {
+    KEPT.take().unwrap_or_else(|| Box::new(Walker::new()))
+}
+
+#[inline(never)]
+fn keep(walker: Box<Walker>) {
+    KEPT.set(Some(walker));
+}
 
 /// One ray after the other.
 #[inline(always)]
@@ -47,82 +66,84 @@ pub(super) fn occluded_singly<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut
 /// In packets of 16.
 #[inline(always)]
 pub(super) fn intersect<S: Simd>(simd: S, root: &Object, rays: &[Ray], hits: &mut [Hit]) {
-    let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
+    let mut walker = reuse();
+    let Walker { packet, scratch } = &mut *walker;
     let mut mesh = MeshOf::default();
+    let short = SHORT * root.bounds().size().max_element();
     for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
         hits.fill(Hit::MISS);
-        let sorted = Octants::sort(rays, hits.len());
+        let mut packets = Packets::of(&rays[..rays.len().min(hits.len())], short);
         if let Some(bvh) = flat(root) {
             let screen = Screen { bvh, start: Child::ROOT, panes: Panes::NONE };
-            for indices in sorted.packets() {
-                let lanes = packet.load(simd, rays, indices);
+            while let Some(lanes) = packets.next(simd, packet) {
                 let found =
                     packet.trace::<S, false>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
                 let words = packet.hits(simd, bvh, found, &mut mesh);
-                for (lane, &index) in indices.iter().enumerate() {
-                    if packet.id[lane] != Packet::NONE {
+                for (lane, &index) in packets.indices().iter().enumerate() {
+                    if found >> lane & 1 != 0 {
                         hits[usize::from(index)] = words.hit(lane, PathId::ROOT);
                     }
                 }
             }
             continue;
         }
-        for indices in sorted.packets() {
-            let mut answers = Answers { hits, index: [0; LANES], through: None };
-            answers.index[..indices.len()].copy_from_slice(indices);
-            let lanes = packet.load(simd, rays, indices);
+        while let Some(lanes) = packets.next(simd, packet) {
+            let mut answers = Answers { hits, index: packets.indices, through: None };
             descent::through::<S, false>(
                 simd,
                 (root, Child::ROOT),
                 PathId::ROOT,
-                &mut packet,
+                packet,
                 lanes,
                 &mut answers,
-                &mut scratch,
+                scratch,
             );
         }
     }
+    keep(walker);
 }
 
 /// As [`intersect`], for any hit.
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(simd: S, root: &Object, rays: &[Ray], mut shadows: Shadows<'_>) {
     let rays = &rays[..rays.len().min(shadows.occluded.len())];
-    let (mut scratch, mut packet) = (Scratch::new(), Packet::EMPTY);
+    let mut walker = reuse();
+    let Walker { packet, scratch } = &mut *walker;
     let mut answers = Answers { hits: &mut [], index: [0; LANES], through: shadows.through };
+    let short = SHORT * root.bounds().size().max_element();
     for (chunk, rays) in rays.chunks(BATCH).enumerate() {
         let first = chunk * BATCH;
         shadows.clear(first, rays.len());
-        let sorted = Octants::sort(rays, rays.len());
+        let mut packets = Packets::of(rays, short);
         if let Some(bvh) = flat(root) {
             let screen = Screen { bvh, start: Child::ROOT, panes: Panes::of(shadows.through, PathId::ROOT) };
-            for indices in sorted.packets() {
-                let lanes = packet.load(simd, rays, indices);
-                packet.trace::<S, true>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
-                for (lane, &index) in indices.iter().enumerate() {
-                    let found = packet.id[lane] != Packet::NONE;
-                    shadows.set(first + usize::from(index), found, packet.met >> lane & 1 != 0);
+            while let Some(lanes) = packets.next(simd, packet) {
+                let found =
+                    packet.trace::<S, true>(simd, screen, lanes, &mut scratch.visits, &mut scratch.stack);
+                for (lane, &index) in packets.indices().iter().enumerate() {
+                    let (found, met) = (found >> lane & 1 != 0, packet.met >> lane & 1 != 0);
+                    shadows.set(first + usize::from(index), found, met);
                 }
             }
             continue;
         }
-        for indices in sorted.packets() {
-            let lanes = packet.load(simd, rays, indices);
+        while let Some(lanes) = packets.next(simd, packet) {
             let found = descent::through::<S, true>(
                 simd,
                 (root, Child::ROOT),
                 PathId::ROOT,
-                &mut packet,
+                packet,
                 lanes,
                 &mut answers,
-                &mut scratch,
+                scratch,
             );
-            for (lane, &index) in indices.iter().enumerate() {
+            for (lane, &index) in packets.indices().iter().enumerate() {
                 let (found, met) = (found >> lane & 1 != 0, packet.met >> lane & 1 != 0);
                 shadows.set(first + usize::from(index), found, met);
             }
         }
     }
+    keep(walker);
 }
 
 /// Whether packets can pay where there are vectors: several rays, and nothing that moves.
@@ -139,46 +160,107 @@ fn flat(root: &Object) -> Option<&TriangleBvh> {
     }
 }
 
-/// The rays of a batch, sorted by the signs of their directions: those of a packet agree.
+/// The packets of a batch: first 16 rays in a row each, then, sorted by octant, the signs of their directions, the rays of
+/// those that did not stay together.
+struct Packets<'a> {
+    rays: &'a [Ray],
+    /// How far short rays go.
+    short: f32,
+    /// The first ray of the next row.
+    next: usize,
+    /// A bit for each row that did not stay together.
+    apart: u32,
+    sorted: Option<Octants>,
+    /// The packet at hand: indices of rays in the batch.
+    indices: [u8; LANES],
+    len: usize,
+}
+
+impl<'a> Packets<'a> {
+    /// Of a batch of rays.
+    #[inline(always)]
+    fn of(rays: &'a [Ray], short: f32) -> Self {
+        Self { rays, short, next: 0, apart: 0, sorted: None, indices: [0; LANES], len: 0 }
+    }
+
+    /// Goes on to the next packet and takes it up; the lanes that can hit something, or `None` at the end.
+    #[inline(always)]
+    fn next<S: Simd>(&mut self, simd: S, packet: &mut Packet) -> Option<u16> {
+        while self.next < self.rays.len() {
+            let start = self.next;
+            self.len = (self.rays.len() - start).min(LANES);
+            self.next += LANES;
+            for (lane, index) in self.indices.iter_mut().enumerate() {
+                *index = (start + lane) as u8;
+            }
+            let lanes = packet.load(simd, self.rays, &self.indices, self.len);
+            if packet.stays_together(simd, lanes, self.short) {
+                return Some(lanes);
+            }
+            self.apart |= 1 << (start / LANES);
+        }
+        if self.apart == 0 {
+            return None;
+        }
+        let sorted = self.sorted.get_or_insert_with(|| Octants::sort(self.rays, self.apart));
+        self.len = sorted.next(&mut self.indices)?;
+        Some(packet.load(simd, self.rays, &self.indices, self.len))
+    }
+
+    /// The indices of the packet's rays in the batch.
+    #[inline(always)]
+    fn indices(&self) -> &[u8] {
+        &self.indices[..self.len]
+    }
+}
+
+/// Rays of a batch sorted by octant.
 struct Octants {
     indices: [u8; BATCH],
     ends: [usize; 8],
+    octant: usize,
+    next: usize,
 }
 
 impl Octants {
+    /// The rays of the rows in `apart`.
     #[inline(always)]
-    fn sort(rays: &[Ray], len: usize) -> Self {
-        let mut octants = [u8::MAX; BATCH];
+    fn sort(rays: &[Ray], apart: u32) -> Self {
+        let mut octants = [0; BATCH];
         let mut counts = [0_usize; 8];
-        for (ray, octant) in rays[..rays.len().min(len)].iter().zip(&mut octants) {
-            let [x, y, z] = ray.direction.to_array().map(|d| d.to_bits() >> 31);
-            *octant = (x | y << 1 | z << 2) as u8;
-            counts[usize::from(*octant)] += 1;
+        let rows = || (0..BATCH / LANES).filter(|row| apart >> row & 1 != 0);
+        let row = |row: usize| row * LANES..((row + 1) * LANES).min(rays.len());
+        for index in rows().flat_map(row) {
+            let [x, y, z] = rays[index].direction.to_array().map(|d| d.to_bits() >> 31);
+            let octant = (x | y << 1 | z << 2) as u8;
+            octants[index & (BATCH - 1)] = octant;
+            counts[usize::from(octant & 7)] += 1;
         }
         let mut ends = [0; 8];
         for octant in 1..8 {
             ends[octant] = ends[octant - 1] + counts[octant - 1];
         }
         let mut indices = [0; BATCH];
-        for (i, &octant) in octants.iter().enumerate() {
-            if let Some(end) = ends.get_mut(usize::from(octant)) {
-                indices[*end & (BATCH - 1)] = i as u8;
-                *end += 1;
-            }
+        for index in rows().flat_map(row) {
+            let end = &mut ends[usize::from(octants[index & (BATCH - 1)] & 7)];
+            indices[*end & (BATCH - 1)] = index as u8;
+            *end += 1;
         }
-        Self { indices, ends }
+        Self { indices, ends, octant: 0, next: 0 }
     }
 
-    /// Up to 16 rays at a time, none of two octants.
+    /// Up to 16 rays at a time, none of two octants; their number.
     #[inline(always)]
-    fn packets(&self) -> impl Iterator<Item = &[u8]> {
-        (0..8).flat_map(|octant| self.rays_of(octant).chunks(LANES))
-    }
-
-    #[inline(always)]
-    fn rays_of(&self, octant: usize) -> &[u8] {
-        let start = if octant == 0 { 0 } else { self.ends[octant - 1] };
-        &self.indices[start..self.ends[octant]]
+    fn next(&mut self, indices: &mut [u8; LANES]) -> Option<usize> {
+        while self.next >= *self.ends.get(self.octant)? {
+            self.octant += 1;
+        }
+        let len = (self.ends[self.octant] - self.next).min(LANES);
+        for (to, from) in indices.iter_mut().zip(&self.indices[self.next..self.next + len]) {
+            *to = *from;
+        }
+        self.next += len;
+        Some(len)
     }
 }
 

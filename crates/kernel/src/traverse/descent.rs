@@ -52,6 +52,18 @@ impl Scratch {
     }
 }
 
+/// A packet and the memory that its query takes.
+pub(super) struct Walker {
+    pub packet: Packet,
+    pub scratch: Scratch,
+}
+
+impl Walker {
+    pub(super) fn new() -> Self {
+        Self { packet: Packet::EMPTY, scratch: Scratch::new() }
+    }
+}
+
 /// Whether packets go through an object: not through what only single rays know. Nothing may move.
 #[inline(always)]
 pub(super) fn takes_packets(object: &Object) -> bool {
@@ -102,8 +114,12 @@ fn in_object<S: Simd, const ANY: bool>(
         let mut rest = if ANY { bits & !found } else { bits };
         while rest != 0 {
             let (octant, alike) = packet.octant(rest);
+            if packet.is_mixed && alike != rest {
+                found |= placed::<S, ANY, true>(simd, object, path, packet, octant, rest, answers, scratch);
+                break;
+            }
             rest &= !alike;
-            found |= placed::<S, ANY>(simd, object, path, packet, octant, alike, answers, scratch);
+            found |= placed::<S, ANY, false>(simd, object, path, packet, octant, alike, answers, scratch);
         }
     }
     found
@@ -136,10 +152,10 @@ fn triangles<S: Simd, const ANY: bool>(
     found
 }
 
-/// Lanes of one octant through the object's instances.
+/// Lanes of one octant, or `MIXED` ones, through the object's instances.
 #[expect(clippy::too_many_arguments, reason = "the rays, what they meet and where the answers go")]
 #[inline(always)]
-fn placed<S: Simd, const ANY: bool>(
+fn placed<S: Simd, const ANY: bool, const MIXED: bool>(
     simd: S,
     object: &Object,
     path: PathId,
@@ -150,7 +166,7 @@ fn placed<S: Simd, const ANY: bool>(
     scratch: &mut Scratch,
 ) -> u16 {
     let nodes = &object.instance_tree.wide.nodes[..];
-    let beam = packet.beam(simd, octant, bits);
+    let beam = if MIXED { packet.hull(simd, bits) } else { packet.beam(simd, octant, bits) };
     let mark = scratch.visits.len();
     scratch.visits.push(packet.visit(simd, Child::ROOT, bits));
     let mut found = 0;
@@ -162,12 +178,12 @@ fn placed<S: Simd, const ANY: bool>(
             continue;
         }
         if bits.count_ones() <= FEW {
-            found |= alone::<S, ANY>(simd, object, path, packet, visit.child, octant, bits, answers, scratch);
+            found |= alone::<S, ANY>(simd, object, path, packet, visit.child, bits, answers, scratch);
         } else if visit.child.is_leaf() {
             found |= enter::<S, ANY>(simd, object.behind(visit.child), path, packet, bits, answers, scratch);
         } else {
             let node = &nodes[visit.child.0 as usize];
-            packet.open(simd, node, object, (octant, &beam), wanting, &mut scratch.visits);
+            packet.open::<S, MIXED>(simd, node, object, (octant, &beam), wanting, &mut scratch.visits);
         }
     }
     found
@@ -210,14 +226,13 @@ fn alone<S: Simd, const ANY: bool>(
     path: PathId,
     packet: &mut Packet,
     start: Child,
-    octant: Octant,
     bits: u16,
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) -> u16 {
     let (stack, mut found) = (&mut scratch.stack, 0);
     for lane in lanes(bits) {
-        let (ray, slab) = (packet.ray(lane), packet.slab_of(simd, lane, octant.near));
+        let (ray, slab) = (packet.ray(lane), packet.slab_of(simd, lane, packet.near_of(lane)));
         if ANY {
             let mut sight = Sight { through: answers.through, met: false };
             if instances::any_instance_below(simd, object, &ray, &slab, start, path, &mut sight, stack) {

@@ -1,7 +1,7 @@
 //! Ray against the 8 boxes of a node, conservative under rounding.
-use fearless_simd::{f32x8, prelude::*};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 
-use super::local::LocalRay;
+use super::{local::LocalRay, settle::Triple};
 use crate::{build::wide::WideTree, layout::Node};
 
 /// Directions this much smaller than the largest component count as this large: 1/d stays finite, and over the
@@ -78,6 +78,49 @@ impl<S: Simd> Slab<S> {
         let enter = near_x.max(near_y).max(near_z.max(self.t_min));
         let leave = (far_x.min(far_y).min(far_z) * FAR_SLACK).min(t_max);
         (enter, enter.simd_le(leave).to_bitmask() as u32)
+    }
+}
+
+/// Sixteen rays set up for box tests: [`Slab`] with the roles of rays and boxes exchanged.
+#[derive(Clone, Copy)]
+pub(super) struct Slabs<S: Simd> {
+    pub inverse: Triple<S>,
+    pub near_shift: Triple<S>,
+    pub far_shift: Triple<S>,
+    /// For each axis, the rays that go down it.
+    pub negative: [mask32x16<S>; 3],
+    pub t_min: f32x16<S>,
+}
+
+impl<S: Simd> Slabs<S> {
+    /// Where rays enter box `lane` of a node, and which of them do before `reach`. Unless they are `MIXED`, they have one
+    /// octant, for which `near` tells the rows of near planes.
+    #[inline(always)]
+    pub(super) fn test<const MIXED: bool>(
+        &self,
+        simd: S,
+        node: &Node,
+        lane: usize,
+        near: [usize; 3],
+        reach: f32x16<S>,
+    ) -> (f32x16<S>, mask32x16<S>) {
+        let mut enter = self.t_min;
+        let mut leave = f32x16::splat(simd, f32::INFINITY);
+        for (axis, near) in near.into_iter().enumerate() {
+            let row = if MIXED { axis } else { near };
+            let (mut first, mut last) = (
+                f32x16::splat(simd, node.bounds[row % 6][lane & 7]),
+                f32x16::splat(simd, node.bounds[(row + 3) % 6][lane & 7]),
+            );
+            if MIXED {
+                let down = self.negative[axis];
+                (first, last) = (down.select(last, first), down.select(first, last));
+            }
+            enter = enter.max(first.mul_sub(self.inverse[axis], self.near_shift[axis]));
+            leave = leave.min(last.mul_sub(self.inverse[axis], self.far_shift[axis]));
+        }
+        let leave = (leave * FAR_SLACK).min(reach);
+        (enter, enter.simd_le(leave))
     }
 }
 

@@ -4,7 +4,7 @@ use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*};
 use super::{Octant, Packet};
 use crate::{
     layout::{Block, Node},
-    traverse::slab,
+    traverse::{local::REACH, slab},
 };
 
 /// Directions of a narrow beam differ, along each axis, by this share of their largest component at most.
@@ -20,6 +20,8 @@ pub(in super::super) struct Beam {
     /// Of each axis, what origins are at most on the side from which near planes, and from which far planes are farthest;
     /// padded.
     origin: [[f32; 2]; 3],
+    /// Of each axis, between what the rays' ends lie.
+    hull: [[f32; 2]; 3],
 }
 
 impl Beam {
@@ -37,7 +39,17 @@ impl Beam {
 
     /// The children of a node that some ray may meet up to `reach`.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(&self, simd: S, node: &Node, near: [usize; 3], reach: f32) -> u32 {
+    pub(super) fn meet<S: Simd, const MIXED: bool>(
+        &self,
+        simd: S,
+        node: &Node,
+        near: [usize; 3],
+        reach: f32,
+    ) -> u32 {
+        if MIXED {
+            let [a, b, c, d, e, f] = &node.bounds;
+            return self.overlap(simd, slab::rows(simd, [a, b, c]), slab::rows(simd, [d, e, f]));
+        }
         let [x, y, z] = near;
         let first = slab::rows(simd, [&node.bounds[x % 6], &node.bounds[y % 6], &node.bounds[z % 6]]);
         let (x, y, z) = ((x + 3) % 6, (y + 3) % 6, (z + 3) % 6);
@@ -47,7 +59,7 @@ impl Beam {
 
     /// The triangles of a block that some ray may meet up to `reach`, by their boxes.
     #[inline(always)]
-    pub(super) fn meet_triangles<S: Simd>(
+    pub(super) fn meet_triangles<S: Simd, const MIXED: bool>(
         &self,
         simd: S,
         block: &Block,
@@ -62,9 +74,21 @@ impl Beam {
             let b = f32x8::load_array_ref(simd, &b[axis]);
             let c = f32x8::load_array_ref(simd, &c[axis]);
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            (first[axis], last[axis]) = if near[axis] < 3 { (low, high) } else { (high, low) };
+            (first[axis], last[axis]) = if MIXED || near[axis] < 3 { (low, high) } else { (high, low) };
+        }
+        if MIXED {
+            return self.overlap(simd, first, last);
         }
         self.meet_planes(simd, first, last, reach)
+    }
+
+    #[inline(always)]
+    fn overlap<S: Simd>(&self, simd: S, low: [f32x8<S>; 3], high: [f32x8<S>; 3]) -> u32 {
+        let side = |axis: usize| {
+            let [least, most] = self.hull[axis];
+            low[axis].simd_le(f32x8::splat(simd, most)) & high[axis].simd_ge(f32x8::splat(simd, least))
+        };
+        (side(0) & side(1) & side(2)).to_bitmask() as u32
     }
 
     #[inline(always)]
@@ -89,7 +113,8 @@ impl Packet {
         let used = mask32x16::from_bitmask(simd, u64::from(bits));
         let infinity = f32x16::splat(simd, f32::INFINITY);
         let pad = used.select(f32x16::load_array_ref(simd, &self.pad), -infinity).reduce_max();
-        let mut beam = Beam { t_min: 0.0, inverse: [[0.0; 2]; 3], origin: [[0.0; 2]; 3] };
+        let mut beam =
+            Beam { t_min: 0.0, inverse: [[0.0; 2]; 3], origin: [[0.0; 2]; 3], hull: [[0.0; 2]; 3] };
         for axis in 0..3 {
             let inverse = f32x16::load_array_ref(simd, &self.inverse[axis]);
             let origin = f32x16::load_array_ref(simd, &self.origin[axis]);
@@ -101,6 +126,28 @@ impl Packet {
         }
         let t_min = f32x16::load_array_ref(simd, &self.t_min);
         beam.t_min = used.select(t_min, infinity).reduce_min();
+        beam
+    }
+
+    /// The box around the lanes in `bits`.
+    #[inline(always)]
+    pub(in super::super) fn hull<S: Simd>(&self, simd: S, bits: u16) -> Beam {
+        let used = mask32x16::from_bitmask(simd, u64::from(bits));
+        let infinity = f32x16::splat(simd, f32::INFINITY);
+        let pad = f32x16::load_array_ref(simd, &self.pad);
+        let mut beam =
+            Beam { t_min: 0.0, inverse: [[1.0; 2]; 3], origin: [[0.0; 2]; 3], hull: [[0.0; 2]; 3] };
+        let end = (f32x16::load_array_ref(simd, &self.limit) * REACH).min(f32x16::splat(simd, f32::MAX));
+        let t_min = f32x16::load_array_ref(simd, &self.t_min);
+        for axis in 0..3 {
+            let way = f32x16::load_array_ref(simd, &self.direction[axis]);
+            let origin = f32x16::load_array_ref(simd, &self.origin[axis]);
+            let (first, last) = (way.mul_add(t_min, origin), way.mul_add(end, origin));
+            let pad = first.abs().max(last.abs()).mul_add(f32x16::splat(simd, 4.0 * f32::EPSILON), pad);
+            let (least, most) = (first.min(last) - pad, first.max(last) + pad);
+            beam.hull[axis] =
+                [used.select(least, infinity).reduce_min(), used.select(most, -infinity).reduce_max()];
+        }
         beam
     }
 }

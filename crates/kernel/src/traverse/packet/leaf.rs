@@ -12,7 +12,7 @@ use crate::{
 impl Packet {
     /// The lanes in `bits` against a block's triangles one by one.
     #[inline(always)]
-    pub(super) fn together<S: Simd, const ANY: bool, const PAST: bool>(
+    pub(super) fn together<S: Simd, const ANY: bool, const PAST: bool, const MIXED: bool>(
         &mut self,
         simd: S,
         screen: Screen<'_>,
@@ -25,7 +25,8 @@ impl Packet {
         let passed = if PAST { screen.passed_of(&triangles.triangle) } else { 0 };
         let there = u32x8::load_array_ref(simd, &triangles.triangle);
         let there = !there.simd_eq(u32x8::splat(simd, Block::NO_TRIANGLE)).to_bitmask() as u32;
-        let met = beam.meet_triangles(simd, triangles, octant.near, self.reach(simd).reduce_max());
+        let met =
+            beam.meet_triangles::<S, MIXED>(simd, triangles, octant.near, self.reach(simd).reduce_max());
         let mut rest = there & met & 0xff;
         while rest != 0 {
             rest = self.together_from::<S, ANY, PAST>(simd, screen.bvh, triangles, block, bits, rest, passed);

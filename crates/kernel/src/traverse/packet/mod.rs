@@ -6,8 +6,9 @@
 //! unrelated rays lose nothing: they share the top of the tree and part below it.
 mod beam;
 mod leaf;
+mod load;
 
-use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x8, u32x16};
 
 use glam::Affine3A;
 
@@ -18,13 +19,12 @@ use super::{
     settle::{self, LANES, Lanes, Lined, MeshOf, Triple, Words, load},
     shear::{Shear, Shears},
     single::{self, Best},
-    slab::{self, Slab},
+    slab::{self, Slab, Slabs},
     stack::Stack,
 };
 use crate::{
     build::wide::WideTree,
     layout::{Child, Node, WIDTH},
-    ray::Ray,
     through::Screen,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
@@ -67,6 +67,8 @@ pub(super) struct Packet {
     turned: [u16; 2],
     /// Bits of the lanes that met what lets light through, in queries of any hit.
     pub met: u16,
+    /// Lanes of several octants stay together, as they are short.
+    pub is_mixed: bool,
 }
 
 /// A subtree to visit, and where each lane enters its box; NaN for lanes that do not.
@@ -103,54 +105,8 @@ impl Packet {
         shear: [[0.0; LANES]; 3],
         turned: [0; 2],
         met: 0,
+        is_mixed: false,
     };
-
-    /// Takes up some rays, 16 at most; returns the lanes of those that can hit something, as [`LocalRay::new`] has it.
-    #[inline(always)]
-    pub(super) fn load<S: Simd>(&mut self, simd: S, rays: &[Ray], indices: &[u8]) -> u16 {
-        let mut t_max = [-1.0; LANES];
-        for (lane, &index) in indices.iter().enumerate() {
-            let (ray, lane) = (&rays[usize::from(index)], lane & (LANES - 1));
-            let [ox, oy, oz] = ray.origin.to_array();
-            let [dx, dy, dz] = ray.direction.to_array();
-            (self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]) = (ox, oy, oz);
-            (self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]) = (dx, dy, dz);
-            (self.t_min[lane], t_max[lane]) = (ray.t_min, ray.t_max);
-        }
-        let t_min = f32x16::load_array_ref(simd, &self.t_min);
-        let start = t_min.max(f32x16::splat(simd, 0.0));
-        let t_max = f32x16::load_array(simd, t_max);
-        // Every comparison is false for NaN.
-        let mut usable = t_min.simd_eq(t_min) & start.simd_lt(t_max);
-        usable &= in_range(simd, load(simd, &self.origin), load(simd, &self.direction));
-        let end = f32x16::from_bits(t_max.to_bits() - 1);
-        let none = f32x16::splat(simd, -1.0);
-        self.t_min = start.into();
-        self.end = end.into();
-        self.limit = usable.select(end, none).into();
-        self.met = 0;
-        usable.to_bitmask() as u16
-    }
-
-    /// Takes up rays in lanes, of which those in `used` are known to be in the usable range; each looks as far as to its
-    /// limit, excluded. Returns the lanes that can hit something.
-    #[inline(always)]
-    pub(super) fn take<S: Simd>(
-        &mut self,
-        simd: S,
-        rays: &Lined<f32x16<S>>,
-        limit: f32x16<S>,
-        used: mask32x16<S>,
-    ) -> u16 {
-        let limit = f32x16::from_bits(limit.to_bits() - 1).min(rays.end);
-        self.origin = rays.origin.map(Into::into);
-        self.direction = rays.direction.map(Into::into);
-        self.t_min = rays.t_min.into();
-        self.end = rays.end.into();
-        self.limit = used.select(limit, f32x16::splat(simd, -1.0)).into();
-        self.met = 0;
-        used.to_bitmask() as u16
-    }
 
     /// The ray in a lane, of a world in which nothing moves.
     #[inline(always)]
@@ -178,7 +134,7 @@ impl Packet {
             self.direction[axis] = direction.into();
         }
         (self.t_min, self.end, self.limit) = (from.t_min, from.end, from.limit);
-        self.met = 0;
+        (self.met, self.is_mixed) = (0, from.is_mixed);
         in_range(simd, load(simd, &self.origin), load(simd, &self.direction)).to_bitmask() as u16 & bits
     }
 
@@ -237,15 +193,19 @@ impl Packet {
         let mut rest = bits;
         while rest != 0 {
             let (octant, alike) = self.octant(rest);
+            if self.is_mixed && alike != rest {
+                self.trace_octant::<S, ANY, PAST, true>(simd, screen, octant, rest, visits, stack);
+                break;
+            }
             rest &= !alike;
-            self.trace_octant::<S, ANY, PAST>(simd, screen, octant, alike, visits, stack);
+            self.trace_octant::<S, ANY, PAST, false>(simd, screen, octant, alike, visits, stack);
         }
         let none = u32x16::splat(simd, Self::NONE);
         !(u32x16::load_array_ref(simd, &self.id).simd_eq(none).to_bitmask() as u16)
     }
 
     #[inline(always)]
-    fn trace_octant<S: Simd, const ANY: bool, const PAST: bool>(
+    fn trace_octant<S: Simd, const ANY: bool, const PAST: bool, const MIXED: bool>(
         &mut self,
         simd: S,
         screen: Screen<'_>,
@@ -255,8 +215,8 @@ impl Packet {
         stack: &mut Stack,
     ) {
         let nodes = screen.bvh.tree.view();
-        let beam = self.beam(simd, octant, bits);
-        let Thresholds { few, many } = self.thresholds(&beam, bits);
+        let beam = if MIXED { self.hull(simd, bits) } else { self.beam(simd, octant, bits) };
+        let Thresholds { few, many } = self.thresholds::<MIXED>(&beam, bits);
         let mark = visits.len();
         visits.push(self.visit(simd, screen.start, bits));
         while visits.len() > mark {
@@ -269,17 +229,17 @@ impl Packet {
             if visit.child.is_leaf() && bits.count_ones() >= many {
                 let (first, end) = visit.child.block_range();
                 for block in first..end {
-                    self.together::<S, ANY, PAST>(simd, screen, (octant, &beam), block, bits);
+                    self.together::<S, ANY, PAST, MIXED>(simd, screen, (octant, &beam), block, bits);
                 }
                 continue;
             }
             if bits.count_ones() <= few || visit.child.is_leaf() {
-                self.alone::<S, ANY, PAST>(simd, screen, visit.child, bits, octant.near, stack);
+                self.alone::<S, ANY, PAST>(simd, screen, visit.child, bits, stack);
                 continue;
             }
             let mut place = None;
             let node = nodes.get(simd, visit.child.0 as usize, &mut place);
-            self.open(simd, node, &screen.bvh.blocks(), (octant, &beam), wanting, visits);
+            self.open::<S, MIXED>(simd, node, &screen.bvh.blocks(), (octant, &beam), wanting, visits);
         }
     }
 
@@ -329,7 +289,7 @@ impl Packet {
 
     /// Pushes the children of a node that some of the `wanting` lanes meet, far ones first.
     #[inline(always)]
-    pub(super) fn open<S: Simd>(
+    pub(super) fn open<S: Simd, const MIXED: bool>(
         &self,
         simd: S,
         node: &Node,
@@ -339,17 +299,19 @@ impl Packet {
         visits: &mut Vec<Visit>,
     ) {
         let reach = self.reach(simd);
+        let slabs = self.slabs(simd);
+        let met_by_beam = beam.meet::<S, MIXED>(simd, node, octant.near, reach.reduce_max());
         let order = node.order[octant.number & 7];
-        let met_by_beam = beam.meet(simd, node, octant.near, reach.reduce_max());
-        for rank in (0..WIDTH).rev() {
+        let mut ranks = ranks_of(simd, order, met_by_beam);
+        visits.reserve(WIDTH);
+        while ranks != 0 {
+            let rank = 31 - ranks.leading_zeros();
+            ranks &= !(1 << rank);
             let lane = (order >> (3 * rank) & 7) as usize;
-            let child = node.child[lane];
-            if met_by_beam >> lane & 1 == 0 || child == Child::NONE {
-                continue;
-            }
-            let (enter, met) = self.meet(simd, node, lane, octant.near, reach);
+            let (enter, met) = slabs.test::<MIXED>(simd, node, lane, octant.near, reach);
             let met = met & wanting;
             if met.to_bitmask() != 0 {
+                let child = node.child[lane];
                 if child.is_leaf() {
                     leaves.prefetch(child);
                 }
@@ -359,27 +321,16 @@ impl Packet {
         }
     }
 
-    /// Box `lane` of a node against all rays: where they enter, and which of them do.
     #[inline(always)]
-    fn meet<S: Simd>(
-        &self,
-        simd: S,
-        node: &Node,
-        lane: usize,
-        near: [usize; 3],
-        reach: f32x16<S>,
-    ) -> (f32x16<S>, mask32x16<S>) {
-        let mut enter = f32x16::load_array_ref(simd, &self.t_min);
-        let mut leave = f32x16::splat(simd, f32::INFINITY);
-        for (axis, row) in near.into_iter().enumerate() {
-            let inverse = f32x16::load_array_ref(simd, &self.inverse[axis]);
-            let first = f32x16::splat(simd, node.bounds[row % 6][lane & 7]);
-            let last = f32x16::splat(simd, node.bounds[(row + 3) % 6][lane & 7]);
-            enter = enter.max(first.mul_sub(inverse, f32x16::load_array_ref(simd, &self.near_shift[axis])));
-            leave = leave.min(last.mul_sub(inverse, f32x16::load_array_ref(simd, &self.far_shift[axis])));
+    fn slabs<S: Simd>(&self, simd: S) -> Slabs<S> {
+        let negative = |axis: usize| mask32x16::from_bitmask(simd, u64::from(self.negative[axis]));
+        Slabs {
+            inverse: load(simd, &self.inverse),
+            near_shift: load(simd, &self.near_shift),
+            far_shift: load(simd, &self.far_shift),
+            negative: [negative(0), negative(1), negative(2)],
+            t_min: f32x16::load_array_ref(simd, &self.t_min),
         }
-        let leave = (leave * slab::FAR_SLACK).min(reach);
-        (enter, enter.simd_le(leave))
     }
 
     /// The hits of the lanes that found something.
@@ -397,7 +348,6 @@ impl Packet {
         screen: Screen<'_>,
         child: Child,
         bits: u16,
-        near: [usize; 3],
         stack: &mut Stack,
     ) {
         let mut rest = bits;
@@ -406,7 +356,7 @@ impl Packet {
             rest &= rest - 1;
             let shear = self.shear_of(simd, lane);
             let best = Best { t: self.limit[lane], id: self.id[lane] };
-            let slab = self.slab_of(simd, lane, near);
+            let slab = self.slab_of(simd, lane, self.near_of(lane));
             if ANY {
                 let (limit, mut met) = (best.t, false);
                 let blocks = screen.bvh.blocks();
@@ -436,6 +386,12 @@ impl Packet {
         Slab::splat(simd, inverse, start, end, near, self.t_min[lane])
     }
 
+    /// Which rows of a node's bounds are near for the ray in a lane.
+    #[inline(always)]
+    pub(super) fn near_of(&self, lane: usize) -> [usize; 3] {
+        [0, 1, 2].map(|axis| axis + 3 * usize::from(self.negative[axis] >> (lane & 15) & 1))
+    }
+
     #[inline(always)]
     fn shear_of<S: Simd>(&self, simd: S, lane: usize) -> Shear<S> {
         let (origin, shear) = (column(&self.sheared_origin, lane), column(&self.shear, lane));
@@ -444,7 +400,10 @@ impl Packet {
 
     /// How many of the lanes in `used` stay together.
     #[inline(always)]
-    fn thresholds(&self, beam: &Beam, used: u16) -> Thresholds {
+    fn thresholds<const MIXED: bool>(&self, beam: &Beam, used: u16) -> Thresholds {
+        if MIXED {
+            return Thresholds { few: 5, many: 8 };
+        }
         // Of lanes whose largest axes differ, triangles take longer.
         let alike = self.turned.iter().any(|turned| used & !turned == 0)
             || used & (self.turned[0] | self.turned[1]) == 0;
@@ -525,6 +484,15 @@ fn in_range<S: Simd>(simd: S, origin: Triple<S>, direction: Triple<S>) -> mask32
     let placed = ox.abs().simd_le(limit) & oy.abs().simd_le(limit) & oz.abs().simd_le(limit);
     let finite = dx.simd_le(longest) & dy.simd_le(longest) & dz.simd_le(longest);
     placed & finite & dx.max(dy).max(dz).simd_ge(shortest)
+}
+
+/// The children in `bits`, by their places in `order`.
+#[inline(always)]
+fn ranks_of<S: Simd>(simd: S, order: u32, bits: u32) -> u32 {
+    let shifts = u32x8::load_array(simd, [0, 3, 6, 9, 12, 15, 18, 21]);
+    let lanes = (u32x8::splat(simd, order) >> shifts) & 7;
+    let there = (u32x8::splat(simd, bits) >> lanes) & 1;
+    there.simd_gt(u32x8::splat(simd, 0)).to_bitmask() as u32
 }
 
 #[inline(always)]

@@ -20,7 +20,12 @@ use self::{
     walk::{Frame, Visit, next_leaf},
     work::{Face, GROUP, LevelRays, Rays, Work},
 };
-use super::{Within, batch, descent, local::LocalRay, packet::Packet, stack::Stack};
+use super::{
+    Within, batch,
+    descent::{self, Walker},
+    local::LocalRay,
+    stack::Stack,
+};
 use crate::{
     layout::Child,
     object::Object,
@@ -44,8 +49,7 @@ type Slots = [u64; 4];
 /// Buffers of one query, reused between levels.
 struct Scratch {
     visits: Vec<Visit>,
-    packet: Packet,
-    descent: descent::Scratch,
+    walker: Walker,
     /// Free buffers: nesting takes one more per level.
     levels: Vec<Box<Level>>,
 }
@@ -169,12 +173,7 @@ fn keep(mut scratch: Box<Scratch>, level: Box<Level>) {
 
 impl Scratch {
     fn new() -> Self {
-        Self {
-            visits: Vec::with_capacity(64),
-            packet: Packet::EMPTY,
-            descent: descent::Scratch::new(),
-            levels: Vec::new(),
-        }
+        Self { visits: Vec::with_capacity(64), walker: Walker::new(), levels: Vec::new() }
     }
 
     #[inline(always)]
@@ -343,8 +342,14 @@ fn few<S: Simd, const ANY: bool>(
         let slot = rays.slot[i];
         let found = if ANY {
             let mut sight = Sight { through: answers.through, met: false };
-            let found =
-                batch::any_local(simd, (object, start), &ray, path, &mut sight, &mut scratch.descent.stack);
+            let found = batch::any_local(
+                simd,
+                (object, start),
+                &ray,
+                path,
+                &mut sight,
+                &mut scratch.walker.scratch.stack,
+            );
             if sight.met {
                 answers.meet(slot);
             }
@@ -356,7 +361,7 @@ fn few<S: Simd, const ANY: bool>(
                 &ray,
                 path,
                 answers.of(slot),
-                &mut scratch.descent.stack,
+                &mut scratch.walker.scratch.stack,
             )
         };
         if found {
@@ -428,7 +433,7 @@ fn in_object<S: Simd, const ANY: bool>(
         _ => {}
     }
     if let Some(shapes) = &object.quadrics {
-        quadrics::<S, ANY>(simd, shapes, path, rays, mask, work, answers, &mut scratch.descent.stack);
+        quadrics::<S, ANY>(simd, shapes, path, rays, mask, work, answers, &mut scratch.walker.scratch.stack);
     }
     if !object.instance_tree.wide.nodes.is_empty() {
         nested::instances::<S, ANY>(simd, object, path, rays, mask, work, answers, scratch);

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     ray::PathId,
-    traverse::{Within, descent},
+    traverse::{
+        Within,
+        descent::{self, Walker},
+    },
 };
 
 /// Answers `rays` in an object that takes packets.
@@ -21,7 +24,7 @@ pub(super) fn trace<S: Simd, const ANY: bool>(
     answers: &mut Answers<'_>,
     scratch: &mut Scratch,
 ) {
-    let Scratch { packet, descent: scratch, .. } = scratch;
+    let Walker { packet, scratch } = &mut scratch.walker;
     for g in 0..rays.len.div_ceil(GROUP) {
         let limit = f32x16::load_array_ref(simd, &rays.limit.as_chunks::<GROUP>().0[g]);
         let used = first_lanes(simd, rays.len - g * GROUP);
