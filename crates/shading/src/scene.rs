@@ -1,5 +1,6 @@
 //! The shader tables of one scene: everything transport asks about hits and lights.
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -56,6 +57,11 @@ impl SeeThrough for ShadingScene {
             .and_then(|placement| self.see_through.get(placement.parts as usize))
             .map_or(&[], |bits| bits)
     }
+}
+
+thread_local! {
+    /// Memory for shading one hit, kept between the calls of a thread: there is room for sixteen in it. Holds no state.
+    static KEPT: Cell<Option<Box<(ShadeScratch, Surfaces)>>> = const { Cell::new(None) };
 }
 
 impl ShadingScene {
@@ -259,14 +265,16 @@ impl ShadingScene {
 
     /// The surface where `ray`, of unit direction, was hit; its footprint there is `cone`.
     pub fn surface(&self, hit: &Hit, ray: &Ray, cone: Cone) -> Surface<f32> {
-        let mut scratch = ShadeScratch::default();
-        let mut surfaces = Surfaces::default();
+        let mut kept = KEPT.take().unwrap_or_default();
+        let (scratch, surfaces) = &mut *kept;
         let material = self.part(hit).2;
         let reached = [self.reached(Arrival { hit, ray, cone, level: 1 })];
         scratch.points.viewer = self.viewer;
         scratch.points.gather(LaneMode::Single, material, &reached, &mut scratch.triangles);
-        shade(LaneMode::Single, material, &mut scratch, 1, &mut surfaces);
-        surfaces.lane(0)
+        shade(LaneMode::Single, material, scratch, 1, surfaces);
+        let surface = surfaces.lane(0);
+        KEPT.set(Some(kept));
+        surface
     }
 
     /// The way straight through the surface at a hit: what passes, per channel, and where the ray goes on. `None` if

@@ -87,6 +87,8 @@ pub(super) struct ByVpls<'a> {
     occluded: Vec<bool>,
     /// Not occluded, but by what lets some light pass.
     filtered: Vec<bool>,
+    /// The rays of the tile that are.
+    filtered_tile: Tile,
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     shadows: ShadowBatch,
@@ -118,6 +120,7 @@ impl<'a> ByVpls<'a> {
             asked: Vec::new(),
             occluded: Vec::new(),
             filtered: Vec::new(),
+            filtered_tile: Tile::new(Vec3::ZERO),
             rays: Vec::new(),
             hits: Vec::new(),
             shadows: ShadowBatch::default(),
@@ -219,10 +222,9 @@ impl<'a> ByVpls<'a> {
     /// Follows the few rays that nothing stops but surfaces that let some light pass.
     fn ask_through<Q: RayQuery + ?Sized>(&mut self, view: &View<'_, Q>, from_origin: bool) {
         if from_origin {
-            let few = Tile::new(self.tile.origin());
-            let whole = std::mem::replace(&mut self.tile, few);
-            let ways = (0..whole.len()).filter(|&i| self.filtered[i]).filter_map(|i| whole.ray(i));
-            ways.for_each(|ray| _ = self.tile.push(ray.direction, ray.t_max));
+            self.filtered_tile.restart(self.tile.origin());
+            let ways = (0..self.tile.len()).filter(|&i| self.filtered[i]).filter_map(|i| self.tile.ray(i));
+            ways.for_each(|ray| _ = self.filtered_tile.push(ray.direction, ray.t_max));
         } else {
             let mut filtered = self.filtered.iter();
             self.rays.retain(|_| filtered.next() == Some(&true));
@@ -231,7 +233,7 @@ impl<'a> ByVpls<'a> {
         self.hits.clear();
         self.hits.resize(self.asked.len(), Hit::MISS);
         match from_origin {
-            true => view.query.intersect_tile(&self.tile, &mut self.hits),
+            true => view.query.intersect_tile(&self.filtered_tile, &mut self.hits),
             false => view.query.intersect(&self.rays, &mut self.hits),
         }
         for (i, (asked, hit)) in self.asked.iter().zip(&self.hits).enumerate() {
@@ -239,7 +241,7 @@ impl<'a> ByVpls<'a> {
                 asked.add(&self.pending, &mut self.blocks, Vec3::ONE);
                 continue;
             }
-            let ray = if from_origin { self.tile.ray(i) } else { Some(self.rays[i]) };
+            let ray = if from_origin { self.filtered_tile.ray(i) } else { Some(self.rays[i]) };
             let Some(ray) = ray else { continue };
             // Shading asks for unit directions.
             let length = ray.direction.length();
