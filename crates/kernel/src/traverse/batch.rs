@@ -25,6 +25,8 @@ use crate::{
 const BATCH: usize = 256;
 /// Fewer rays than this are not worth a packet.
 const FEW_RAYS: usize = 4;
+/// After so many rows of 16 rays that did not stay together, the others of a batch are not looked at.
+const STRAY_ROWS: u32 = 2;
 /// Rays up to this share of a scene's largest extent are short.
 const SHORT: f32 = 0.25;
 
@@ -168,7 +170,7 @@ struct Packets<'a> {
     short: f32,
     /// The first ray of the next row.
     next: usize,
-    /// A bit for each row that did not stay together.
+    /// A bit for each row that did not stay together, or was not looked at.
     apart: u32,
     sorted: Option<Octants>,
     /// The packet at hand: indices of rays in the batch.
@@ -188,6 +190,11 @@ impl<'a> Packets<'a> {
     fn next<S: Simd>(&mut self, simd: S, packet: &mut Packet) -> Option<u16> {
         while self.next < self.rays.len() {
             let start = self.next;
+            if self.apart.count_ones() == STRAY_ROWS {
+                self.apart |= u32::MAX << (start / LANES);
+                self.next = self.rays.len();
+                break;
+            }
             self.len = (self.rays.len() - start).min(LANES);
             self.next += LANES;
             for (lane, index) in self.indices.iter_mut().enumerate() {
