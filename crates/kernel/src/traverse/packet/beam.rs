@@ -20,7 +20,7 @@ pub(in super::super) struct Beam {
     /// Of each axis, what origins are at most on the side from which near planes, and from which far planes are farthest;
     /// padded.
     origin: [[f32; 2]; 3],
-    /// Of each axis, between what the rays' ends lie.
+    /// Of each axis, between what the rays' ends lie. For `MIXED` rays, of several octants, this is all that is known.
     hull: [[f32; 2]; 3],
 }
 
@@ -129,7 +129,7 @@ impl Packet {
         beam
     }
 
-    /// The box around the lanes in `bits`.
+    /// The box around the lanes in `bits`, which may be of several octants; small for short rays.
     #[inline(always)]
     pub(in super::super) fn hull<S: Simd>(&self, simd: S, bits: u16) -> Beam {
         let used = mask32x16::from_bitmask(simd, u64::from(bits));
