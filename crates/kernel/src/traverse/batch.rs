@@ -41,7 +41,8 @@ fn reuse() -> Box<Walker> {
 }
 
 #[inline(never)]
-fn keep(walker: Box<Walker>) {
+fn keep(mut walker: Box<Walker>) {
+    walker.trim();
     KEPT.set(Some(walker));
 }
 

@@ -62,6 +62,11 @@ impl Walker {
     pub(super) fn new() -> Self {
         Self { packet: Packet::EMPTY, scratch: Scratch::new() }
     }
+
+    /// Gives back what deep nesting took: to be called before it is kept for the next query.
+    pub(super) fn trim(&mut self) {
+        self.scratch.spare.truncate(4);
+    }
 }
 
 /// Whether packets go through an object: not through what only single rays know. Nothing may move.

@@ -168,6 +168,7 @@ fn reuse() -> Box<Scratch> {
 fn keep(mut scratch: Box<Scratch>, level: Box<Level>) {
     scratch.levels.push(level);
     scratch.levels.truncate(4);
+    scratch.walker.trim();
     KEPT.set(Some(scratch));
 }
 
