@@ -133,6 +133,12 @@ impl Hit {
     pub const fn is_hit(&self) -> bool {
         self.geometry != u32::MAX
     }
+
+    /// Whether both are on one mesh of one object at one place, or both misses.
+    #[must_use]
+    pub fn is_on_part_of(&self, other: &Self) -> bool {
+        (self.path, self.geometry) == (other.path, other.geometry)
+    }
 }
 
 impl Default for Hit {

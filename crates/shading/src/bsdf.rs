@@ -216,7 +216,8 @@ impl<F: Real> Bsdf<F> {
         let above = self.ng.dot(wi).gt(zero);
         let mut f_cos = Vector::grey(zero);
         let mut pdf = zero;
-        for (group, chance) in chances.into_iter().enumerate() {
+        for group in 0..GROUPS.len() {
+            let chance = chances[group];
             let present = chance.gt(zero);
             let lobes = GROUPS[group].intersection(self.lobes).intersection(which.lobes);
             if lobes.is_empty() || !present.any() {

@@ -88,24 +88,23 @@ impl<const N: usize> Runs<N> {
 pub(crate) type Reached<'a> = (Arrival<'a>, &'a Placement, &'a ShadedPart);
 
 impl Points {
-    /// Fills lanes with the points of `material` where rays arrived, in their order.
+    /// Fills lanes with the points of `material` where `count` rays arrived, in their order. In packets there must be
+    /// something to compute with in every lane.
     pub(crate) fn gather<'a>(
         &mut self,
         mode: LaneMode,
         material: &SurfaceMaterial,
-        reached: &[Reached<'a>],
+        (reached, count): (&[Reached<'a>], usize),
         triangles: &mut Triangles,
     ) {
+        let all = reached;
+        let reached = &reached[..count];
         self.read_attributes(material, reached);
         (self.color, self.alpha) = (WHITE, WHITE.x);
-        if reached.is_empty() {
-            return;
-        }
-        let (mut count, mut others) = (0, 0_u32);
+        let mut others = 0_u32;
         let mut before: Option<&Hit> = None;
         let mut place_before: Option<&Placement> = None;
         for (lane, &(arrival, placement, part)) in reached.iter().enumerate().take(WIDTH) {
-            count = lane + 1;
             match place_before {
                 Some(place) if std::ptr::eq(place, placement) => triangles.placements.go_on(lane),
                 _ => {
@@ -132,9 +131,7 @@ impl Points {
                 }
             }
         }
-        on_lanes!(mode, count, |token, lane| interpolate::<_>(
-            token, lane, material, reached, triangles, self
-        ));
+        on_lanes!(mode, count, |token, lane| interpolate::<_>(token, lane, material, all, triangles, self));
         if others == 0 && !material.has_normal_maps() {
             return;
         }
@@ -172,7 +169,7 @@ impl Points {
 }
 
 fn is_same_triangle(a: &Hit, b: &Hit) -> bool {
-    (a.primitive, a.geometry, a.path) == (b.primitive, b.geometry, b.path)
+    a.primitive == b.primitive && a.is_on_part_of(b)
 }
 
 const WHITE: Vectors = {
@@ -300,17 +297,16 @@ fn interpolate<F: Real>(
     triangles: &mut Triangles,
     points: &mut Points,
 ) {
-    // Lanes without a hit compute with the last one's.
-    let last = reached.len() - 1;
-    let arrival = |lane: usize| &reached[lane.min(last)].0;
+    let own = &reached[lane..lane + F::LANES];
+    let arrival = |at: usize| &own[at - lane].0;
     let hit = |lane: usize| arrival(lane).hit;
     let ng = Vector::<F>::gather(token, lane, |lane| hit(lane).ng);
     let wo = Vector::<F>::gather(token, lane, |lane| -arrival(lane).ray.direction);
-    ng.store(&mut points.ng, lane);
-    wo.store(&mut points.wo, lane);
     let width = F::gather(token, lane, |lane| arrival(lane).cone.width);
     let u = F::gather(token, lane, |lane| hit(lane).u);
     let v = F::gather(token, lane, |lane| hit(lane).v);
+    ng.store(&mut points.ng, lane);
+    wo.store(&mut points.wo, lane);
     let corner_of = triangles.corners.of::<F>(token, lane);
     let Place { linear, translation, normals, detour } = Place::<F>::load(token, &triangles.placements, lane);
     let lanes = Lanes { weights: [u.complement() - v, u, v], linear };

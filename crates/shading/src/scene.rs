@@ -246,14 +246,18 @@ impl ShadingScene {
         surfaces: &mut Surfaces,
     ) {
         let material = &self.materials[packet.material as usize];
-        let mut reached = [self.reached(along(packet.hits[0] as usize)); WIDTH];
-        for (lane, &index) in packet.hits.iter().enumerate().take(WIDTH).skip(1) {
-            let (arrival, (before, placement, part)) = (along(index as usize), reached[lane - 1]);
-            let same = (before.hit.path, before.hit.geometry) == (arrival.hit.path, arrival.hit.geometry);
-            reached[lane] = if same { (arrival, placement, part) } else { self.reached(arrival) };
-        }
+        let mut last = self.reached(along(packet.hits[0] as usize));
+        // Lanes without a hit repeat the last one's.
+        let reached: [Reached<'_>; WIDTH] = std::array::from_fn(|lane| {
+            if let Some(&index) = packet.hits.get(lane) {
+                let arrival = along(index as usize);
+                let same = arrival.hit.is_on_part_of(last.0.hit);
+                last = if same { (arrival, last.1, last.2) } else { self.reached(arrival) };
+            }
+            last
+        });
         scratch.points.viewer = self.viewer;
-        scratch.points.gather(self.mode, material, &reached[..packet.hits.len()], &mut scratch.triangles);
+        scratch.points.gather(self.mode, material, (&reached, packet.hits.len()), &mut scratch.triangles);
         shade(self.mode, material, scratch, packet.hits.len(), surfaces);
     }
 
@@ -270,7 +274,7 @@ impl ShadingScene {
         let material = self.part(hit).2;
         let reached = [self.reached(Arrival { hit, ray, cone, level: 1 })];
         scratch.points.viewer = self.viewer;
-        scratch.points.gather(LaneMode::Single, material, &reached, &mut scratch.triangles);
+        scratch.points.gather(LaneMode::Single, material, (&reached, 1), &mut scratch.triangles);
         shade(LaneMode::Single, material, scratch, 1, surfaces);
         let surface = surfaces.lane(0);
         KEPT.set(Some(kept));

@@ -15,8 +15,8 @@ pub struct HitSorter {
     slots: Vec<u32>,
     /// Material, then end in `order`.
     runs: Vec<(u32, u32)>,
-    /// Material of each hit.
-    keys: Vec<u32>,
+    /// Hits in a row on one part: material, first hit, number of hits.
+    rows: Vec<(u32, u32, u32)>,
     order: Vec<u32>,
 }
 
@@ -36,26 +36,27 @@ impl HitSorter {
     pub fn sort(&mut self, scene: &ShadingScene, hits: &[Hit]) {
         self.slots.resize(scene.materials().len(), NONE);
         self.runs.clear();
-        self.keys.clear();
-        let mut before = Hit::MISS;
-        let mut material = NONE;
-        for hit in hits {
-            if !hit.is_hit() {
-                self.keys.push(NONE);
-                continue;
+        self.rows.clear();
+        // Neighbours mostly hit the same part.
+        let mut first = 0;
+        for row in hits.chunk_by(Hit::is_on_part_of) {
+            if row[0].is_hit() {
+                let material = scene.material_of(&row[0]);
+                let slot = &mut self.slots[material as usize];
+                if *slot == NONE {
+                    *slot = self.runs.len() as u32;
+                    self.runs.push((material, 0));
+                }
+                self.runs[*slot as usize].1 += row.len() as u32;
+                self.rows.push((material, first, row.len() as u32));
             }
-            // Neighbours mostly hit the same part.
-            if material == NONE || (before.path, before.geometry) != (hit.path, hit.geometry) {
-                (before, material) = (*hit, scene.material_of(hit));
-            }
-            self.keys.push(material);
-            let slot = &mut self.slots[material as usize];
-            if *slot == NONE {
-                *slot = self.runs.len() as u32;
-                self.runs.push((material, 0));
-            }
-            self.runs[*slot as usize].1 += 1;
+            first += row.len() as u32;
         }
+        self.place();
+    }
+
+    /// Puts the rows in the order of their materials.
+    fn place(&mut self) {
         self.runs.sort_unstable_by_key(|&(material, _)| material);
         let mut start = 0;
         for (place, (material, count)) in self.runs.iter_mut().enumerate() {
@@ -64,12 +65,11 @@ impl HitSorter {
         }
         self.order.clear();
         self.order.resize(start as usize, 0);
-        for (index, &material) in (0..).zip(&self.keys) {
-            if material != NONE {
-                let end = &mut self.runs[self.slots[material as usize] as usize].1;
-                self.order[*end as usize] = index;
-                *end += 1;
-            }
+        for &(material, first, count) in &self.rows {
+            let end = &mut self.runs[self.slots[material as usize] as usize].1;
+            let order = &mut self.order[*end as usize..(*end + count) as usize];
+            order.iter_mut().zip(first..).for_each(|(order, hit)| *order = hit);
+            *end += count;
         }
         for (material, _) in &self.runs {
             self.slots[*material as usize] = NONE;

@@ -16,7 +16,7 @@ use heliostat_shading::{
 };
 
 use crate::mis::{Scattered, Visits, emission_weight, environment};
-use crate::region::{CameraSample, PixelSum, Settings, View, Walk};
+use crate::region::{CameraSample, FirstHit, PixelSum, Settings, View, Walk};
 use crate::shadow::MAX_PASSED;
 
 /// Edges when the request does not say.
@@ -64,7 +64,7 @@ impl WeightedRay {
     }
 
     fn arrival<'a>(&'a self, hit: &'a Hit) -> Arrival<'a> {
-        Arrival { hit, ray: &self.ray, cone: self.cone, level: self.edges + 1 }
+        Arrival { hit, ray: &self.ray, cone: self.cone.advanced(hit.t), level: self.edges + 1 }
     }
 
     /// Asks for the sample points of use `slot` at this vertex.
@@ -220,13 +220,9 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
     ) -> Vec<WeightedRay> {
         let scene = self.view.scene;
         self.in_flight.fill(0);
-        for (ray, hit) in rays.iter_mut().zip(hits) {
-            if hit.is_hit() {
-                ray.cone = ray.cone.advanced(hit.t);
-            } else {
-                let radiance = environment(scene, Visits::All, &ray.scattered(hit));
-                self.lighting.find(ray, ray.weight * radiance, &mut sums[ray.pixel as usize]);
-            }
+        for (ray, hit) in rays.iter().zip(hits).filter(|(_, hit)| !hit.is_hit()) {
+            let radiance = environment(scene, Visits::All, &ray.scattered(hit));
+            self.lighting.find(ray, ray.weight * radiance, &mut sums[ray.pixel as usize]);
         }
         let mut shader = std::mem::take(&mut self.shader);
         if self.lighting.groups() == 1 {
@@ -313,10 +309,13 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
     ) -> usize {
         let scene = self.view.scene;
         let mut count = 0;
+        // Neighbours mostly lie on the same part.
+        let mut known: Option<(&Hit, FirstHit)> = None;
         for (lane, &index) in packet.hits.iter().enumerate() {
             let (ray, hit) = (&mut rays[index as usize], &hits[index as usize]);
             let sum = &mut sums[ray.pixel as usize];
             sum.shaded += 1.0;
+            ray.cone = ray.cone.advanced(hit.t);
             let absorption = surfaces.absorption(lane);
             if absorption != Vec3::ZERO {
                 ray.weight *= (-absorption * hit.t).exp();
@@ -338,7 +337,12 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                 }
             }
             if !ray.seen {
-                sum.add_first_hit(scene, hit, surfaces, lane, ray.passed_distance + hit.t, first_sample);
+                let first = first_sample.then(|| match known {
+                    Some((before, first)) if hit.is_on_part_of(before) => first,
+                    _ => FirstHit::of(scene, hit),
+                });
+                known = first.map(|first| (hit, first));
+                sum.add_first_hit(surfaces, lane, ray.passed_distance + hit.t, first);
                 ray.seen = true;
             }
             let emission = surfaces.emission(lane);

@@ -11,7 +11,7 @@ use heliostat_shading::{
 };
 
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
-use crate::region::{CameraSample, PixelSum, Region, Settings, View, Walk, walk};
+use crate::region::{CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
 use crate::shadow::{MAX_PASSED, PendingLight, ShadowBatch};
 
 /// Edges after which paths may be ended by Russian roulette.
@@ -254,7 +254,8 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
             path.throughput *= surface.coverage / (1.0 - pass);
         }
         if path.edges == 0 {
-            sum.add_first_hit(scene, hit, surfaces, lane, path.passed_distance + hit.t, first_sample);
+            let first = first_sample.then(|| FirstHit::of(scene, hit));
+            sum.add_first_hit(surfaces, lane, path.passed_distance + hit.t, first);
         }
         let emission = Vec3::from(surface.emission);
         if emission != Vec3::ZERO {

@@ -151,24 +151,21 @@ impl FirstHit {
 }
 
 impl PixelSum {
-    /// Adds the first surface a camera ray met (behind see-through ones it passed).
+    /// Adds the first surface a camera ray met (behind see-through ones it passed); `first` are its identifiers if this is the
+    /// pixel's first sample.
     pub(crate) fn add_first_hit(
         &mut self,
-        scene: &ShadingScene,
-        hit: &Hit,
         surfaces: &Surfaces,
         lane: usize,
         distance: f32,
-        first_sample: bool,
+        first: Option<FirstHit>,
     ) {
         self.depth += distance;
         self.normal += surfaces.normal(lane);
         self.position += surfaces.position(lane);
         self.albedo += surfaces.albedo(lane);
         self.hits += 1.0;
-        if first_sample {
-            self.first = Some(FirstHit::of(scene, hit));
-        }
+        self.first = first.or(self.first);
     }
 
     /// Adds what a shadow ray let through; as for [`Self::add_radiance`].
