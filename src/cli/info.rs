@@ -226,6 +226,7 @@ fn light_kind(kind: &LightKind) -> &'static str {
         LightKind::Directional { .. } => "directional",
         LightKind::Profile { .. } => "measured profile",
         LightKind::Projector { .. } => "projector",
+        LightKind::Shader { .. } => "shader",
     }
 }
 

@@ -1,5 +1,5 @@
-//! The gallery of shaders: a picture of each surface shader on a stand and of each pixel shader on one view, and the pages
-//! that list their parameters.
+//! The gallery of shaders: a picture of each surface shader on a stand, of each light shader on a wall and of each pixel shader
+//! on one view, and the pages that list their parameters.
 
 mod page;
 mod palette;
@@ -11,8 +11,11 @@ use std::time::Instant;
 use heliostat::builtin::{self, stand};
 use heliostat::engine::{Engine, EngineOptions, tone};
 use heliostat::formats::image::encode_png;
-use heliostat::kernel::glam::{Vec3, Vec4};
-use heliostat::scene::{Backend, FrameRequest, Material, Progress, ShaderUse};
+use heliostat::kernel::glam::{Affine3A, Mat3, Vec3, Vec4};
+use heliostat::scene::{
+    Backend, Camera, Environment, FrameRequest, Light, LightKind, Material, Mesh, Progress, SceneBuilder,
+    ShaderUse,
+};
 use heliostat::shading::ShaderRegistry;
 use heliostat::shading::pixel::PixelRegistry;
 
@@ -41,13 +44,17 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), String> {
     let registry = ShaderRegistry::built_in();
     let pixel_shaders = PixelRegistry::built_in();
-    let known =
-        |name: &String| registry.programs().contains_key(name) || pixel_shaders.programs().contains_key(name);
+    let lights: Vec<String> = registry.light_infos().map(|info| info.name).collect();
+    let known = |name: &String| {
+        let surface_or_light = registry.programs().contains_key(name) || lights.contains(name);
+        surface_or_light || pixel_shaders.programs().contains_key(name)
+    };
     if let Some(name) = arguments.names.iter().find(|name| !known(name)) {
         return Err(format!("there is no shader `{name}`"));
     }
     let spp = arguments.spp;
     pictures(arguments, "shaders", registry.programs().keys(), &|name| picture(name, spp))?;
+    pictures(arguments, "shaders", lights.iter(), &|name| lit_wall(name, spp))?;
     pictures(arguments, "pixel-shaders", pixel_shaders.programs().keys(), &|name| view(name, spp))?;
     for (name, text) in
         [("shaders", page::surfaces(&registry)), ("pixel-shaders", page::pixels(&pixel_shaders))]
@@ -101,6 +108,33 @@ fn view(name: &str, spp: u32) -> Result<Vec<u8>, String> {
     let frame = engine.render(&request, &progress).map_err(|error| error.to_string())?;
     let shown = curve(if is_curve { name } else { "filmic" })?;
     Ok(tone::tone_map_by(&shown, &frame.color, SIZE, VIEW_EXPOSURE))
+}
+
+/// A wall and a floor under a light by a shader, 3 m from the wall: RGB bytes.
+fn lit_wall(name: &str, spp: u32) -> Result<Vec<u8>, String> {
+    let progress = Progress::new();
+    let mut scene = SceneBuilder::new();
+    let plaster = scene.material(Material::diffuse("plaster", Vec3::splat(0.7)));
+    let wall = scene.mesh(Mesh::quad(Vec3::new(-4.0, 0.0, 0.0), Vec3::X * 8.0, Vec3::Y * 5.0));
+    let floor = scene.mesh(Mesh::quad(Vec3::new(-4.0, 0.0, 6.0), Vec3::X * 8.0, Vec3::NEG_Z * 6.0));
+    let object = scene.object("corner", [(wall, plaster), (floor, plaster)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    let kind = LightKind::Shader {
+        position: Vec3::new(0.0, 1.6, 3.0),
+        world_from_light: Mat3::IDENTITY,
+        scale: Vec3::new(50.0, 43.0, 32.0),
+        shader: Arc::new(ShaderUse::named(name)),
+        range: f32::INFINITY,
+    };
+    scene.light(Light { name: name.into(), kind });
+    // Enough to see where the walls are.
+    scene.environment(Environment::Constant(Vec3::splat(0.06)));
+    let mut engine = Engine::new(EngineOptions::default()).map_err(|error| error.to_string())?;
+    engine.apply(&scene.finish(), &progress).map_err(|error| error.to_string())?;
+    let camera = Camera::look_at("", Vec3::new(1.2, 1.8, 5.0), Vec3::new(0.0, 1.5, 0.0), Vec3::Y, 0.8);
+    let request = FrameRequest { samples: spp, ..FrameRequest::new(camera, SIZE, SIZE) };
+    let frame = engine.render(&request, &progress).map_err(|error| error.to_string())?;
+    Ok(tone::tone_map(&frame.color, EXPOSURE))
 }
 
 /// A PNG of all colours or, if that is too large, of 256.

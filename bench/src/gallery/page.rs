@@ -1,14 +1,14 @@
-//! The pages of surface and pixel shaders, from their registries.
+//! The pages of surface, light and pixel shaders, from their registries.
 
 use std::fmt::Write;
 
 use heliostat::shading::pixel::PixelRegistry;
-use heliostat::shading::{Parameter, ParameterKind, ShaderRegistry};
+use heliostat::shading::{LightInfo, Parameter, ParameterKind, ShaderRegistry};
 
 const HEAD: &str = "# Surface shaders
 
 The shaders that come with the engine. A material names one and sets what differs from the defaults; the shader starts
-from the material as it stands and changes it from point to point.
+from the material as it stands and changes it from point to point. [Light shaders](#light-shaders) come last.
 
 ```rust
 let shader = ShaderUse::named(\"wood\").with(\"ring_width\", 0.008).with(\"dark\", Vec3::new(0.2, 0.1, 0.05));
@@ -52,13 +52,38 @@ others.
 
 ## Shaders of your own
 
-A program adds surface shaders by `ShaderRegistry::register`, environment shaders, which say how much light comes from a
-direction outside the scene, by `ShaderRegistry::register_environment`, and camera shaders, which say along which ray a point of
-the picture is seen, by `ShaderRegistry::register_camera`; `Engine::with_shaders` takes the registry. All are small Rust traits
-over lanes with named parameters: `SurfaceShader`, `EnvironmentShader`, `CameraShader`. `Camera::shader` names a camera shader in
-place of the projection; lens, eyes, place and motion of the camera work as ever. `Environment::Shader` names the latter with
-its parameters: rays that leave the scene ask the shader itself, and light sampling draws directions from a table of it, 512 by
-256, which changes of its parameters make anew. Surface shaders can also come from [plug-ins](plugins.md).
+A program registers its shaders in a `ShaderRegistry`, which `Engine::with_shaders` takes: all are small Rust traits over lanes
+with named parameters.
+
+| trait | says | registered by | used by |
+|---|---|---|---|
+| `SurfaceShader` | what a material looks like at a point | `register` | `Material::shader` |
+| `LightShader` | how strongly a light shines in a direction | `register_light` | `LightKind::Shader` |
+| `EnvironmentShader` | how much light comes from a direction outside the scene | `register_environment` | `Environment::Shader` |
+| `CameraShader` | along which ray a point of the picture is seen | `register_camera` | `Camera::shader` |
+
+Points that a light reaches and rays that leave the scene ask the shader itself. Light paths and photons draw directions from a
+table of it, 256 by 128 for a light and 512 by 256 for an environment, which changes of its parameters make anew; a light that is
+moved, turned or dimmed keeps its table, and lights with the same parameters share one. A camera shader takes the place of the
+projection; lens, eyes, place and motion of the camera work as ever. Surface shaders can also come from [plug-ins](plugins.md),
+and [pixel shaders](pixel-shaders.md) have a registry of their own.
+"#;
+
+/// Stands before the light shaders.
+const LIGHT_HEAD: &str = r#"
+## Light shaders
+
+What a light without area can be, beside points, spots, measured profiles and projectors: a program says its radiant intensity
+by direction. In light space the light aims along −Z, with +Y up.
+
+```rust
+let shader = Arc::new(ShaderUse::named("barn-doors").with("top", 0.1).with("left", 0.3));
+let (position, scale, range) = (Vec3::new(0.0, 3.0, 4.0), Vec3::splat(120.0), f32::INFINITY);
+let kind = LightKind::Shader { position, world_from_light: Mat3::IDENTITY, scale, shader, range };
+```
+
+A glTF node names one in its `extras`, `{"heliostat_light": {"name": "blinds", "intensity": [80, 70, 50], "parameters": {"open": 0.3}}}`;
+the intensity multiplies the shader's. Pictures show a wall 3 m away.
 "#;
 
 const PIXEL_HEAD: &str = "# Pixel shaders
@@ -77,12 +102,16 @@ Programs add their own: a `PixelShader` is a Rust trait over lanes (`heliostat::
 `cargo run --release -p heliostat-bench -- gallery`.
 ";
 
-/// The whole page of surface shaders.
+/// The whole page of surface and light shaders.
 pub(super) fn surfaces(registry: &ShaderRegistry) -> String {
     let mut page = [HEAD, SECTIONS].concat();
     for program in registry.programs().values() {
         let info = program.info();
-        section(&mut page, "shaders", (&info.name, &info.about), &info.parameters);
+        section(&mut page, "##", "shaders", (&info.name, &info.about), &info.parameters);
+    }
+    page.push_str(LIGHT_HEAD);
+    for LightInfo { name, about, parameters } in registry.light_infos() {
+        section(&mut page, "###", "shaders", (&name, &about), &parameters);
     }
     page
 }
@@ -93,14 +122,20 @@ pub(super) fn pixels(registry: &PixelRegistry) -> String {
     for program in registry.programs().values() {
         let info = program.info();
         let about = if info.for_display { format!("{} (for a display)", info.about) } else { info.about };
-        section(&mut page, "pixel-shaders", (&info.name, &about), &info.parameters);
+        section(&mut page, "##", "pixel-shaders", (&info.name, &about), &info.parameters);
     }
     page
 }
 
-fn section(page: &mut String, folder: &str, (name, about): (&str, &str), parameters: &[Parameter]) {
+fn section(
+    page: &mut String,
+    rank: &str,
+    folder: &str,
+    (name, about): (&str, &str),
+    parameters: &[Parameter],
+) {
     // Writing to a string cannot fail.
-    let _ = write!(page, "\n## {name}\n\n![{name}]({folder}/{name}.png)\n\n{}.\n", capitalised(about));
+    let _ = write!(page, "\n{rank} {name}\n\n![{name}]({folder}/{name}.png)\n\n{}.\n", capitalised(about));
     if parameters.is_empty() {
         let _ = write!(page, "\nIt has no parameters.\n");
         return;
@@ -148,10 +183,13 @@ mod tests {
     fn the_page_says_what_the_registry_says() {
         let docs = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");
         let (surface_shaders, pixel_shaders) = (ShaderRegistry::built_in(), PixelRegistry::built_in());
-        let surfaces = ("shaders", surfaces(&surface_shaders), surface_shaders.programs().keys().collect());
-        let pixels = ("pixel-shaders", pixels(&pixel_shaders), pixel_shaders.programs().keys().collect());
+        let lights = surface_shaders.light_infos().map(|info| info.name);
+        let names = surface_shaders.programs().keys().cloned().chain(lights).collect();
+        let surfaces = ("shaders", surfaces(&surface_shaders), names);
+        let names = pixel_shaders.programs().keys().cloned().collect();
+        let pixels = ("pixel-shaders", pixels(&pixel_shaders), names);
         for (folder, text, names) in [surfaces, pixels] {
-            let names: Vec<&String> = names;
+            let names: Vec<String> = names;
             let page = std::fs::read_to_string(format!("{docs}/{folder}.md")).expect("the page");
             assert!(page.replace('\r', "") == text, "run `heliostat-bench gallery`: docs/{folder}.md is old");
             for name in names {

@@ -279,8 +279,11 @@ fn launch(
     let points = [place, u, v, direction_u, direction_v];
     let (source, ray) = scene.emit((emitter, probability), points)?;
     let ray = ray.filter(|ray| ray.flux.is_finite())?;
-    let far =
-        matches!(source, Source::Distant { .. } | Source::Light { kind: LightKind::Directional { .. }, .. });
+    let far = match &source {
+        Source::Distant { .. } => true,
+        Source::Light { light, .. } => matches!(light.kind(), LightKind::Directional { .. }),
+        Source::Patch { .. } => false,
+    };
     if far {
         flux.from_afar += ray.flux.as_dvec3();
         return None;

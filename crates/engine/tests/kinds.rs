@@ -6,14 +6,14 @@ use std::sync::Arc;
 use glam::{Affine3A, Mat3, Vec3};
 use heliostat_engine::{Engine, EngineOptions};
 use heliostat_scene::{
-    Backend, BackendError, Camera, Edit, Environment, Frame, FrameRequest, Gradient, Image, Light, LightKind,
-    Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder, ShadedEnvironment,
-    ShaderUse, Sky,
+    Backend, BackendError, Camera, Edit, Environment, Frame, FrameRequest, Gradient, Image, Light, LightId,
+    LightKind, Material, Mesh, Photometry, Plane, Profile, Progress, Projection, SceneBuilder,
+    ShadedEnvironment, ShaderUse, Sky,
 };
 use heliostat_shading::lanes::{Real, Vector};
 use heliostat_shading::{
-    CameraInfo, CameraShader, Constants, EnvironmentInfo, EnvironmentShader, Parameter, PicturePlace,
-    ShaderRegistry,
+    CameraInfo, CameraShader, Constants, EnvironmentInfo, EnvironmentShader, LightInfo, LightShader,
+    Parameter, PicturePlace, ShaderRegistry,
 };
 
 const ALBEDO: f32 = 0.5;
@@ -326,4 +326,146 @@ fn environments_can_be_shaders_of_the_program() {
     let report = lit.apply(&[around(ShaderUse::named("nadir"))], &Progress::new()).unwrap();
     let [problem] = &report.problems[..] else { panic!("one problem: {:?}", report.problems) };
     assert!(problem.contains("no environment shader `nadir`; there are: zenith"), "{problem}");
+}
+
+/// The square of the cosine to the axis, on the right alone.
+#[derive(Debug)]
+struct HalfLobe;
+
+impl LightShader for HalfLobe {
+    fn info(&self) -> LightInfo {
+        let tint = Parameter::color("tint", [1.0; 3], "W/sr along the axis");
+        LightInfo { name: "half-lobe".into(), about: String::new(), parameters: vec![tint] }
+    }
+
+    #[inline(always)]
+    fn intensity<F: Real>(&self, direction: Vector<F>, values: &Constants<'_, F>) -> Vector<F> {
+        let zero = direction.z.splat(0.0);
+        let lit = direction.z.lt(zero) & direction.x.gt(zero);
+        (values.vector(0) * (direction.z * direction.z)).only(lit)
+    }
+}
+
+fn half_lobe(shader: ShaderUse) -> Light {
+    let (position, world_from_light) = down();
+    let (scale, range) = (Vec3::new(8.0, 4.0, 2.0), f32::INFINITY);
+    let shader = Arc::new(shader);
+    Light {
+        name: "lamp".into(),
+        kind: LightKind::Shader { position, world_from_light, scale, shader, range },
+    }
+}
+
+#[test]
+fn lights_can_be_shaders_of_the_program() {
+    let mut shaders = ShaderRegistry::built_in();
+    shaders.register_light(HalfLobe);
+    let mut lit = Engine::with_shaders(EngineOptions::default(), shaders).unwrap();
+    lit.apply(&floor(None, Environment::None).scene().to_edits(), &Progress::new()).unwrap();
+    for tint in [Vec3::ONE, Vec3::new(0.5, 0.25, 1.0)] {
+        let light = half_lobe(ShaderUse::named("half-lobe").with("tint", tint));
+        let report = lit.apply(&[Edit::Light(LightId(0), light.clone())], &Progress::new()).unwrap();
+        let rebuilt: Vec<&str> = report.rebuilt.iter().map(|rebuilt| rebuilt.what.as_str()).collect();
+        assert_eq!((rebuilt, report.problems), (vec!["light sampling table"], Vec::new()));
+        for renderer in ["direct", "path", "igi", "cast"] {
+            let frame = render(&mut lit, &from_above(renderer, 1));
+            for (x, y) in [(19, 16), (28, 5), (26, 26)] {
+                let color = frame.color[y * 32 + x];
+                let at = Vec3::new((x as f32 + 0.5) / 16.0 - 1.0, 0.0, (y as f32 + 0.5) / 16.0 - 1.0);
+                let to_light = Vec3::Y * 2.0 - at;
+                let (distance2, cos) = (to_light.length_squared(), to_light.normalize().y);
+                let expected = Vec3::new(8.0, 4.0, 2.0) * tint * (ALBEDO / PI * cos.powi(3) / distance2);
+                // A sample may lie anywhere in its pixel.
+                assert!(
+                    color.distance(expected) < 0.08 * expected.length(),
+                    "{renderer}: {color}, {expected}"
+                );
+            }
+            assert_eq!(frame.color[16 * 32 + 8], Vec3::ZERO, "{renderer}: its dark side");
+        }
+        // Elsewhere or brighter, it keeps its table; others of its make share it.
+        let mut moved = light.clone();
+        if let LightKind::Shader { position, scale, .. } = &mut moved.kind {
+            (*position, *scale) = (Vec3::Y, Vec3::ONE);
+        }
+        let edits = [Edit::Light(LightId(0), moved), Edit::Light(LightId(1), light)];
+        assert_eq!(lit.apply(&edits, &Progress::new()).unwrap().rebuilt, []);
+        lit.apply(&[Edit::RemoveLight(LightId(1))], &Progress::new()).unwrap();
+    }
+}
+
+#[test]
+fn missing_light_shaders_are_told_and_shown() {
+    let mut engine = floor(None, Environment::None);
+    let add = |engine: &mut Engine, shader: ShaderUse| {
+        engine.apply(&[Edit::Light(LightId(0), half_lobe(shader))], &Progress::new()).unwrap().problems
+    };
+    let problems = add(&mut engine, ShaderUse::named("half-lobe"));
+    let text = "light `lamp`: there is no light shader `half-lobe`; there are: barn-doors, blinds; a placeholder \
+                takes its place";
+    assert_eq!(problems, [text]);
+    let color = render(&mut engine, &from_above("direct", 1)).color[16 * 32 + 16];
+    assert!(color.x > 0.1 && color.y == 0.0 && color.z > 0.01, "magenta: {color}");
+    assert!(add(&mut engine, ShaderUse::named("half-lobe")).is_empty(), "told once");
+    let problems = add(&mut engine, ShaderUse::named("blinds").with("slats", 0.0));
+    assert!(problems[0].contains("`slats` of light shader `blinds` is [0, 0, 0]; give values from 1"));
+    assert!(add(&mut engine, ShaderUse::named("blinds")).is_empty());
+    let mut skewed = half_lobe(ShaderUse::named("blinds"));
+    if let LightKind::Shader { world_from_light, .. } = &mut skewed.kind {
+        *world_from_light = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 1.0));
+    }
+    let refused = engine.apply(&[Edit::Light(LightId(0), skewed)], &Progress::new());
+    assert!(
+        matches!(refused, Err(BackendError::Edit(problem)) if problem.to_string().contains("no rotation"))
+    );
+}
+
+#[test]
+fn bounced_light_is_that_of_the_light_shader() {
+    // A lamp that shines at a wall alone: all light of the floor comes from there.
+    let lit_by = |kind: LightKind, renderer: &str| {
+        let mut scene = SceneBuilder::new();
+        let white = scene.material(Material::diffuse("white", Vec3::splat(0.8)));
+        let quad = |corner: Vec3, across: Vec3, along: Vec3| Mesh::quad(corner, across, along);
+        let ground = scene.mesh(quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0));
+        let wall = scene.mesh(quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::X * 4.0, Vec3::Y * 4.0));
+        let object = scene.object("corner", [(ground, white), (wall, white)]);
+        scene.instance(object, Affine3A::IDENTITY);
+        scene.light(Light { name: "lamp".into(), kind });
+        let mut engine = engine(&scene.finish());
+        let frame = render(&mut engine, &from_above(renderer, 64));
+        frame.color.iter().sum::<Vec3>() / frame.color.len() as f32
+    };
+    // The same square of light, thrown at the wall by a projector and by a shader.
+    let position = Vec3::new(0.0, 2.0, 0.0);
+    let blinds = ShaderUse::named("blinds").with("open", 1.0).with("width", 1.0).with("slats", 200.0);
+    let shaded = LightKind::Shader {
+        position,
+        world_from_light: Mat3::IDENTITY,
+        scale: Vec3::splat(50.0),
+        shader: Arc::new(blinds.with("softness", 0.001)),
+        range: f32::INFINITY,
+    };
+    let size = 64_u32;
+    let even = |i: u32| {
+        let at = |i: u32| (i as f32 + 0.5) / size as f32 - 0.5;
+        let (x, y) = (at(i % size), at(i / size));
+        // Projectors make up for the screen.
+        [(1.0 + x * x + y * y).powf(-1.5); 4]
+    };
+    let image = Image::rgba_f32(size, size, (0..size * size).flat_map(even).collect());
+    let projected = LightKind::Projector {
+        position,
+        world_from_light: Mat3::IDENTITY,
+        intensity: Vec3::splat(50.0),
+        vertical_fov: 2.0 * 0.5_f32.atan(),
+        image: Arc::new(image),
+        range: f32::INFINITY,
+    };
+    let expected = lit_by(projected.clone(), "path");
+    for renderer in ["path", "igi"] {
+        let [found, other] = [&shaded, &projected].map(|kind| lit_by(kind.clone(), renderer));
+        assert!((found.x / other.x - 1.0).abs() < 0.02, "{renderer}: {found}, of the projector {other}");
+        assert!((found.x / expected.x - 1.0).abs() < 0.05, "{renderer}: {found} instead of {expected}");
+    }
 }

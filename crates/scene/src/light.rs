@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 
 use crate::environment::rotation_problem;
-use crate::{Image, Profile};
+use crate::{Image, Profile, ShaderUse};
 
 /// A light without area. Area lights are instances of objects with emissive materials.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,6 +86,19 @@ pub enum LightKind {
         /// As for [`LightKind::Point`].
         range: f32,
     },
+    /// A point whose intensity over direction a shader says.
+    Shader {
+        /// World space, metres.
+        position: Vec3,
+        /// Rotation. In light space the light aims along −Z, with +Y up.
+        world_from_light: Mat3,
+        /// Multiplies the shader's answers.
+        scale: Vec3,
+        /// Which shader, and its parameters: numbers, vectors and colours.
+        shader: Arc<ShaderUse>,
+        /// As for [`LightKind::Point`].
+        range: f32,
+    },
 }
 
 impl Light {
@@ -120,6 +133,12 @@ impl Light {
                     ));
                 }
                 (position, Vec3::Y, intensity, range)
+            }
+            LightKind::Shader { position, ref world_from_light, scale, range, .. } => {
+                if let Some(problem) = rotation_problem(world_from_light, "world_from_light") {
+                    return Some(problem);
+                }
+                (position, Vec3::Y, scale, range)
             }
             LightKind::Spot { position, direction, intensity, range, inner_angle, outer_angle } => {
                 if !(0.0 <= inner_angle && inner_angle <= outer_angle && outer_angle <= 1.571) {

@@ -6,10 +6,11 @@ use glam::{Vec2, Vec3};
 use heliostat_scene::{Geometry, LightKind, SceneBounds};
 
 use crate::basis::Basis;
-use crate::lamp::{Directions, table, world_from_table};
+use crate::lamp::{table, world_from_table};
 use crate::lanes::Vector;
-use crate::light::{AreaEmitter, Emitter, Lights, Tables, constant_light};
+use crate::light::{AreaEmitter, Emitter, Lights, Tables};
 use crate::point::Met;
+use crate::punctual::PunctualLight;
 use crate::quadric;
 use crate::sampling::{concentric_disk, cosine_hemisphere, uniform_sphere, uniform_triangle};
 
@@ -31,7 +32,7 @@ pub enum Source {
     /// A light without area, divided by the probability of its choice.
     Light {
         /// The light.
-        kind: LightKind,
+        light: PunctualLight,
         /// Multiplies it.
         factor: f32,
     },
@@ -59,7 +60,7 @@ impl Lights {
     /// All lights without area as sources of their whole light.
     pub fn without_area(&self) -> impl Iterator<Item = Source> {
         (0..self.len()).filter_map(|index| match self.emitter(index) {
-            Emitter::Light(kind, _) => Some(Source::Light { kind: kind.clone(), factor: 1.0 }),
+            Emitter::Light(light) => Some(Source::Light { light: light.clone(), factor: 1.0 }),
             _ => None,
         })
     }
@@ -76,10 +77,9 @@ impl Lights {
         let place = Vec2::new(u, v);
         let direction = Vec2::new(u_direction, v_direction);
         match self.emitter(emitter) {
-            Emitter::Light(kind, directions) => {
-                let ray = light_ray(kind, directions.as_deref(), direction, bounds);
-                let ray = ray.map(|ray| scaled(ray, 1.0 / probability));
-                Some((Source::Light { kind: kind.clone(), factor: 1.0 / probability }, ray))
+            Emitter::Light(light) => {
+                let ray = light_ray(light, direction, bounds).map(|ray| scaled(ray, 1.0 / probability));
+                Some((Source::Light { light: light.clone(), factor: 1.0 / probability }, ray))
             }
             Emitter::Area(area) => area.emit(tables, (place, u_triangle), direction, 1.0 / probability),
             Emitter::Environment => {
@@ -107,18 +107,17 @@ fn from_afar(direction: Vec3, u: Vec2, irradiance: Vec3, bounds: Option<SceneBou
 }
 
 /// A ray from a light without area. [`LightKind::ConstantPoint`] sends none: its flux has no physical meaning.
-fn light_ray(
-    kind: &LightKind,
-    directions: Option<&Directions>,
-    u: Vec2,
-    bounds: Option<SceneBounds>,
-) -> Option<EmittedRay> {
+fn light_ray(light: &PunctualLight, u: Vec2, bounds: Option<SceneBounds>) -> Option<EmittedRay> {
+    let kind = light.kind();
     match *kind {
         LightKind::Profile { position, scale: power, .. }
-        | LightKind::Projector { position, intensity: power, .. } => {
-            let (local, pdf) = directions?.sample(u)?;
+        | LightKind::Projector { position, intensity: power, .. }
+        | LightKind::Shader { position, scale: power, .. } => {
+            let directions = light.directions()?;
+            let (local, pdf) = directions.sample(u)?;
             let direction = (world_from_table(kind)? * local).normalize_or_zero();
-            let intensity = power * Vec3::from(table::<f32>(kind, (-direction).into())?);
+            let share = table::<f32>(kind, Some(directions), (-direction).into())?;
+            let intensity = power * Vec3::from(share);
             Some(EmittedRay { origin: position, direction, flux: intensity / pdf })
         }
         LightKind::Point { position, intensity, .. } => {
@@ -130,10 +129,11 @@ fn light_ray(
             let cap = 1.0 - outer_angle.cos();
             let z = 1.0 - u.x * cap;
             let r = (1.0 - z * z).max(0.0).sqrt() * Vec2::from_angle(TAU * u.y);
-            let towards = Basis::from_normal(Vector::from(axis)).to_world(Vector::new(r.x, r.y, z)).into();
+            let towards: Vec3 =
+                Basis::from_normal(Vector::from(axis)).to_world(Vector::new(r.x, r.y, z)).into();
             // The fade of the cone, from the light's own formula at a metre's distance.
-            let share =
-                constant_light(kind, position + towards) / intensity.max_element().max(f32::MIN_POSITIVE);
+            let (.., arriving) = light.arriving::<f32>((position + towards).into());
+            let share = Vec3::from(arriving) / intensity.max_element().max(f32::MIN_POSITIVE);
             let flux = intensity * (share.max_element() * TAU * cap);
             Some(EmittedRay { origin: position, direction: towards, flux })
         }

@@ -29,7 +29,7 @@ pub enum EnvironmentLight {
 }
 
 /// Stands for a shader that is not there.
-const MAGENTA: Vec3 = Vec3::new(1.0, 0.0, 1.0);
+pub(crate) const MAGENTA: Vec3 = Vec3::new(1.0, 0.0, 1.0);
 
 /// A latitude-longitude image with its sampling distribution.
 #[derive(Clone, Debug)]
@@ -107,33 +107,14 @@ impl EnvironmentLight {
 
 impl MapLight {
     pub(crate) fn new(map: &heliostat_scene::EnvironmentMap) -> Self {
-        let (width, height) = (map.image.width, map.image.height);
-        let texel = |x: u32, y: u32| texel_rgb(&map.image, x, y);
-        // Lookup blends a texel with its neighbours. Its weight does so too (binomially, 1-2-1 along either axis), or a
-        // dark texel beside a bright light would be bright near their border and yet hardly ever sampled.
-        let row = |x: u32, y: u32| {
-            0.25 * (texel((x + width - 1) % width, y) + 2.0 * texel(x, y) + texel((x + 1) % width, y))
-        };
-        let mut weights = Vec::with_capacity(width as usize * height as usize);
-        let mut mean = Vec3::ZERO;
-        for y in 0..height {
-            let sin = (PI * (y as f32 + 0.5) / height as f32).sin();
-            let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
-            for x in 0..width {
-                let blurred = 0.25 * (row(x, above) + 2.0 * row(x, y) + row(x, below));
-                weights.push(luminance(blurred) * sin);
-                mean += texel(x, y) * sin;
-            }
-        }
-        // ∫ sin θ dθ dφ / 4π turns the sum over texels into a mean over the sphere.
-        let normalise = PI / (2.0 * width as f32 * height as f32);
+        let (distribution, mean) = distribution(&map.image);
         Self {
             image: map.image.clone(),
             scale: map.scale,
             world_from_environment: map.world_from_environment,
             environment_from_world: map.world_from_environment.inverse(),
-            distribution: Discrete2d::new(width as usize, &weights),
-            mean: mean * normalise * map.scale,
+            distribution,
+            mean: mean * map.scale,
         }
     }
 
@@ -171,6 +152,32 @@ impl MapLight {
         };
         between(row(low.y)).lerp(between(row(low.y + 1.0)), f.y) * self.scale
     }
+}
+
+/// By which to draw directions of a latitude-longitude image: luminance times the solid angle of each texel; and its mean over
+/// the sphere.
+pub(crate) fn distribution(image: &Image) -> (Discrete2d, Vec3) {
+    let (width, height) = (image.width, image.height);
+    let texel = |x: u32, y: u32| texel_rgb(image, x, y);
+    // Lookup blends a texel with its neighbours. Its weight does so too (binomially, 1-2-1 along either axis), or a
+    // dark texel beside a bright light would be bright near their border and yet hardly ever sampled.
+    let row = |x: u32, y: u32| {
+        0.25 * (texel((x + width - 1) % width, y) + 2.0 * texel(x, y) + texel((x + 1) % width, y))
+    };
+    let mut weights = Vec::with_capacity(width as usize * height as usize);
+    let mut mean = Vec3::ZERO;
+    for y in 0..height {
+        let sin = (PI * (y as f32 + 0.5) / height as f32).sin();
+        let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
+        for x in 0..width {
+            let blurred = 0.25 * (row(x, above) + 2.0 * row(x, y) + row(x, below));
+            weights.push(luminance(blurred) * sin);
+            mean += texel(x, y) * sin;
+        }
+    }
+    // ∫ sin θ dθ dφ / 4π turns the sum over texels into a mean over the sphere.
+    let normalise = PI / (2.0 * width as f32 * height as f32);
+    (Discrete2d::new(width as usize, &weights), mean * normalise)
 }
 
 /// Linear radiance; values that are not finite or negative read as black.

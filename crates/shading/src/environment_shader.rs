@@ -126,7 +126,10 @@ impl ShaderLight {
         wanted: &ShadedEnvironment,
     ) -> Self {
         let (scale, world_from_environment) = (wanted.scale, wanted.world_from_environment);
-        let image = Arc::new(tabulate(&*program, &values));
+        let ask = |count, directions: &Vectors, out: &mut Vectors| {
+            program.run(LaneMode::default(), count, &values, directions, out);
+        };
+        let image = Arc::new(tabulate(TABLE, ask));
         let table = MapLight::new(&EnvironmentMap { image, scale, world_from_environment });
         Self { program, values, scale, environment_from_world: world_from_environment.inverse(), table }
     }
@@ -140,9 +143,8 @@ impl ShaderLight {
     }
 }
 
-/// Latitude by longitude, four directions per texel.
-fn tabulate(program: &dyn EnvironmentProgram, values: &[Vec3]) -> Image {
-    let [width, height] = TABLE;
+/// Latitude by longitude, four directions per texel. `ask` answers for so many directions; the width must be a multiple of four.
+pub(crate) fn tabulate([width, height]: [u32; 2], ask: impl Fn(usize, &Vectors, &mut Vectors)) -> Image {
     let size = Vec2::new(width as f32, height as f32);
     let (mut directions, mut out) = (Vectors::default(), Vectors::default());
     let mut pixels = Vec::with_capacity((width * height * 4) as usize);
@@ -154,7 +156,7 @@ fn tabulate(program: &dyn EnvironmentProgram, values: &[Vec3]) -> Image {
             let within = Vec2::new((sample % 2) as f32, (sample / 2) as f32) * 0.5 + 0.25;
             directions.set(lane as usize, direction((at + within) / size));
         }
-        program.run(LaneMode::default(), WIDTH, values, &directions, &mut out);
+        ask(WIDTH, &directions, &mut out);
         for texel in 0..WIDTH / 4 {
             let sum: Vec3 = (0..4).map(|sample| sound(out.get(4 * texel + sample))).sum();
             pixels.extend((0.25 * sum).extend(1.0).to_array());

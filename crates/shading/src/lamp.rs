@@ -1,14 +1,16 @@
-//! Lights whose intensity depends on direction by a table: measured profiles and projected pictures.
+//! Lights whose intensity depends on direction by a table or a program: measured profiles, projected pictures, shaders.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
 use heliostat_scene::{ColorSpace, Image, LightKind, Profile, ProfileCell};
 
 use crate::color::luminance;
+use crate::environment::MAGENTA;
 use crate::lanes::{LaneFn, Real, Vector};
-use crate::sampling::{Discrete, Discrete2d};
+use crate::light_shader::ShadedLight;
+use crate::sampling::{Discrete, Discrete2d, uniform_sphere};
 use crate::texture::texel;
 
 /// Intensity of a profile by direction in profile space (see [`heliostat_scene::Photometry`]), unit length.
@@ -65,9 +67,13 @@ impl LaneFn<3, 3> for ByPicture<'_> {
 }
 
 /// What a light's table makes of its intensity in directions `wi` towards the light, world space; `None` for lights
-/// without a table.
+/// without a table. `directions` are those of the light.
 #[inline(always)]
-pub(crate) fn table<F: Real>(kind: &LightKind, wi: Vector<F>) -> Option<Vector<F>> {
+pub(crate) fn table<F: Real>(
+    kind: &LightKind,
+    directions: Option<&Directions>,
+    wi: Vector<F>,
+) -> Option<Vector<F>> {
     match kind {
         LightKind::Profile { world_from_light, profile, .. } => {
             let local = to_local(&world_from_profile(world_from_light, profile), -wi);
@@ -80,6 +86,10 @@ pub(crate) fn table<F: Real>(kind: &LightKind, wi: Vector<F>) -> Option<Vector<F
             let [r, g, b] = F::each([local.x, local.y, local.z], &picture);
             Some(Vector::new(r, g, b))
         }
+        LightKind::Shader { world_from_light, .. } => match directions {
+            Some(Directions::Shader(shaded)) => Some(shaded.intensity(to_local(world_from_light, -wi))),
+            _ => Some(Vector::constant(wi.token(), MAGENTA)),
+        },
         _ => None,
     }
 }
@@ -103,12 +113,16 @@ pub(crate) enum Directions {
     Profile { cells: Vec<ProfileCell>, choice: Discrete, flux: f32 },
     /// Texels of a picture, chosen by their luminance.
     Picture { texels: Discrete2d, mean: Vec3, half_size: Vec2 },
+    /// What a shader says.
+    Shader(ShadedLight),
+    /// All alike, in magenta: stands for a shader that is not there.
+    Missing,
 }
 
 impl Directions {
-    /// Of a light; `None` for those without a table.
-    pub(crate) fn new(kind: &LightKind) -> Option<Arc<Self>> {
-        let directions = match kind {
+    /// Of a light; `None` for those without a table. Shaders are missing here.
+    pub(crate) fn new(kind: &LightKind) -> Option<Self> {
+        Some(match kind {
             LightKind::Profile { profile, .. } => {
                 let cells: Vec<ProfileCell> = profile.cells().collect();
                 let choice = Discrete::new(cells.iter().map(|cell| cell.flux as f32));
@@ -126,9 +140,9 @@ impl Directions {
                 let texels = Discrete2d::new(image.width as usize, &weights);
                 Self::Picture { texels, mean, half_size: picture.half_size() }
             }
+            LightKind::Shader { .. } => Self::Missing,
             _ => return None,
-        };
-        Some(Arc::new(directions))
+        })
     }
 
     /// The light's flux over its scale or intensity, W per W/sr.
@@ -137,6 +151,8 @@ impl Directions {
             Self::Profile { flux, .. } => Vec3::splat(*flux),
             // Along the picture's plane at distance 1 the irradiance is the intensity.
             Self::Picture { mean, half_size, .. } => *mean * (4.0 * half_size.x * half_size.y),
+            Self::Shader(shaded) => shaded.mean * (4.0 * PI),
+            Self::Missing => MAGENTA * (4.0 * PI),
         }
     }
 
@@ -163,6 +179,8 @@ impl Directions {
                 let pdf = density / (4.0 * half_size.x * half_size.y) * distance2 * distance2.sqrt();
                 (pdf > 0.0 && pdf.is_finite()).then(|| (away.normalize(), pdf))
             }
+            Self::Shader(shaded) => shaded.sample(u),
+            Self::Missing => Some((uniform_sphere(u), 0.25 * FRAC_1_PI)),
         }
     }
 }
@@ -173,7 +191,9 @@ pub(crate) fn world_from_table(kind: &LightKind) -> Option<Mat3> {
         LightKind::Profile { world_from_light, profile, .. } => {
             Some(world_from_profile(world_from_light, profile))
         }
-        LightKind::Projector { world_from_light, .. } => Some(*world_from_light),
+        LightKind::Projector { world_from_light, .. } | LightKind::Shader { world_from_light, .. } => {
+            Some(*world_from_light)
+        }
         _ => None,
     }
 }
@@ -186,19 +206,18 @@ pub(crate) fn same_table(a: &LightKind, b: &LightKind) -> bool {
             LightKind::Projector { image: a, vertical_fov: fov_a, .. },
             LightKind::Projector { image: b, vertical_fov: fov_b, .. },
         ) => Arc::ptr_eq(a, b) && fov_a == fov_b,
+        (LightKind::Shader { shader: a, .. }, LightKind::Shader { shader: b, .. }) => a == b,
         _ => false,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::f32::consts::PI;
-
-    use heliostat_scene::{Light, Photometry, SceneBounds};
+    use heliostat_scene::{Photometry, SceneBounds};
 
     use super::*;
     use crate::emission::{EmittedRay, Source};
-    use crate::light::from_light;
+    use crate::punctual::PunctualLight;
     use crate::scene::ShadingScene;
 
     /// A profile with a narrow beam off the axis, as of a headlamp.
@@ -240,9 +259,8 @@ mod tests {
     /// The rays that a light sends, by `n` squared well distributed points.
     fn rays(kind: &LightKind, n: usize) -> Vec<EmittedRay> {
         let mut scene = ShadingScene::default();
-        let light = Light { name: String::new(), kind: kind.clone() };
         let bounds = Some(SceneBounds { min: Vec3::ZERO, max: Vec3::ONE });
-        scene.relight([light].iter(), Arc::default(), bounds);
+        scene.relight([PunctualLight::new(kind)].into_iter(), Arc::default(), bounds);
         let rays = (0..n * n).map(|i| {
             let [u, v, ..] = crate::Sampler::along(i as u32, 0).set(0);
             let (source, ray) = scene.emit((0, 1.0), [0.0, 0.0, 0.0, u, v]).expect("light");
@@ -260,8 +278,9 @@ mod tests {
         let point =
             LightKind::Point { position: place, intensity: Vec3::new(4.0, 2.0, 1.0), range: f32::INFINITY };
         for at in [Vec3::ZERO, Vec3::new(-5.0, 2.0, 9.0), place + Vec3::Y] {
-            let (wi, distance, weight) = from_light::<f32>(&kind, at.into());
-            let (other_wi, other_distance, other_weight) = from_light::<f32>(&point, at.into());
+            let (wi, distance, weight) = PunctualLight::new(&kind).arriving::<f32>(at.into());
+            let (other_wi, other_distance, other_weight) =
+                PunctualLight::new(&point).arriving::<f32>(at.into());
             assert_eq!((wi, distance), (other_wi, other_distance));
             assert!(Vec3::from(weight - other_weight).length() < 1e-5 * Vec3::from(weight).length());
         }
@@ -329,14 +348,14 @@ mod tests {
         };
         // At 2 m the picture is 4 m wide and 2 m high.
         let irradiance = |x: f32, y: f32| {
-            let (wi, _, weight) = from_light::<f32>(&kind, Vec3::new(x, y, -2.0).into());
+            let (wi, _, weight) = PunctualLight::new(&kind).arriving::<f32>(Vec3::new(x, y, -2.0).into());
             weight.x * wi.z
         };
         for (x, y) in [(0.0, 0.0), (1.9, 0.0), (-1.9, 0.9), (0.0, -0.9)] {
             assert!((irradiance(x, y) - 2.0).abs() < 1e-4, "{x}, {y}: {}", irradiance(x, y));
         }
         assert_eq!((irradiance(2.1, 0.0), irradiance(0.0, 1.1)), (0.0, 0.0));
-        assert_eq!(from_light::<f32>(&kind, Vec3::Z.into()).2.x, 0.0);
+        assert_eq!(PunctualLight::new(&kind).arriving::<f32>(Vec3::Z.into()).2.x, 0.0);
         // The picture is upright, seen from the projector.
         let half_lit = LightKind::Projector {
             position: Vec3::ZERO,
@@ -346,7 +365,9 @@ mod tests {
             image: Arc::new(Image::rgba_f32(2, 2, [[1.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]].concat())),
             range: f32::INFINITY,
         };
-        let lit = |x: f32, y: f32| from_light::<f32>(&half_lit, Vec3::new(x, y, -1.0).into()).2.x > 0.5;
+        let lit = |x: f32, y: f32| {
+            PunctualLight::new(&half_lit).arriving::<f32>(Vec3::new(x, y, -1.0).into()).2.x > 0.5
+        };
         assert!(lit(-0.4, 0.4) && !lit(0.4, 0.4) && !lit(-0.4, -0.4));
     }
 }

@@ -6,19 +6,19 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::Aabb;
-use heliostat_scene::{Geometry, Light, LightKind, SceneBounds};
+use heliostat_scene::{Geometry, SceneBounds};
 
 use crate::color::luminance;
 use fearless_simd::{Level, Simd};
 
 use crate::environment::EnvironmentLight;
-use crate::lamp::{Directions, same_table, table};
 use crate::lamps::Lamps;
 use crate::lanes::{Packet, Real, Vector, Vectors};
 use crate::material::SurfaceMaterial;
 use crate::packet::{Illumination, on_lanes};
 use crate::placement::{Placement, ShadedPart};
 use crate::point::{Corners, Met};
+use crate::punctual::PunctualLight;
 use crate::quadric;
 use crate::sampling::{Discrete, uniform_triangle};
 use crate::surface::{LaneMode, Surfaces};
@@ -38,8 +38,8 @@ pub struct Lights {
 
 #[derive(Clone, Debug)]
 pub(crate) enum Emitter {
-    /// A light without area; with the directions it prefers if it has a table of them.
-    Light(LightKind, Option<Arc<Directions>>),
+    /// A light without area.
+    Light(PunctualLight),
     Area(AreaEmitter),
     Environment,
 }
@@ -108,12 +108,11 @@ impl<'a> Tables<'a> {
 
 impl Lights {
     /// Collects all emitters: `lights`, the parts that `emissive` lists, the environment. `bounds` sets the power of lights
-    /// that are infinitely far away. What `before` has prepared is taken over.
-    pub(crate) fn new<'a>(
-        before: &Self,
+    /// that are infinitely far away.
+    pub(crate) fn new(
         tables: Tables<'_>,
         emissive: &[(u32, u32)],
-        lights: impl Iterator<Item = &'a Light>,
+        lights: impl Iterator<Item = PunctualLight>,
         environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
     ) -> Self {
@@ -122,14 +121,14 @@ impl Lights {
         let mut powers = Vec::new();
         let mut lamps = Lamps::default();
         for light in lights {
-            let directions = before.directions(&light.kind).or_else(|| Directions::new(&light.kind));
-            let power = power(&light.kind, directions.as_deref(), cross_section);
-            match position(&light.kind) {
+            let power = light.power(cross_section);
+            // One that shines alike at any distance is everywhere.
+            match light.position().filter(|_| !light.is_constant()) {
                 Some(at) => lamps.push(Aabb { min: at, max: at }, power),
                 None => lamps.push_everywhere(power / cross_section),
             }
             powers.push(power);
-            emitters.push(Emitter::Light(light.kind.clone(), directions));
+            emitters.push(Emitter::Light(light));
         }
         let mut areas = HashMap::new();
         let mut shared = HashMap::new();
@@ -158,14 +157,6 @@ impl Lights {
         let even = total.max(f32::MIN_POSITIVE) / powers.len().max(1) as f32;
         let choice = Discrete::new(powers.iter().map(|&p| if p > 0.0 { p + even } else { 0.0 }));
         Self { emitters, choice, areas, environment, environment_index, lamps: Arc::new(lamps) }
-    }
-
-    /// What was prepared for a light of the same table.
-    fn directions(&self, kind: &LightKind) -> Option<Arc<Directions>> {
-        self.emitters.iter().find_map(|emitter| match emitter {
-            Emitter::Light(other, directions) if same_table(kind, other) => directions.clone(),
-            _ => None,
-        })
     }
 
     /// Number of emitters.
@@ -232,8 +223,8 @@ impl Lights {
         u_triangle: f32,
     ) -> Option<LightSample> {
         match &self.emitters[emitter] {
-            Emitter::Light(kind, _) => {
-                let (wi, distance, weight) = from_light(kind, position.into());
+            Emitter::Light(light) => {
+                let (wi, distance, weight) = light.arriving::<f32>(position.into());
                 let weight = Vec3::from(weight);
                 let sample = LightSample { wi: wi.into(), distance, weight, pdf: 0.0 };
                 (weight != Vec3::ZERO).then_some(sample)
@@ -270,9 +261,11 @@ impl Lights {
         count: usize,
         out: &mut Illumination,
     ) {
-        if let Emitter::Light(kind, _) = &self.emitters[emitter] {
+        if let Emitter::Light(light) = &self.emitters[emitter] {
             let position = &surfaces.position;
-            on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(token, lane, kind, position, out));
+            on_lanes!(surfaces.mode, count, |token, lane| light_lanes::<_>(
+                token, lane, light, position, out
+            ));
             return;
         }
         for lane in 0..count {
@@ -339,100 +332,15 @@ fn primitive_weights(part: &ShadedPart, material: &SurfaceMaterial) -> Discrete 
     }
 }
 
-/// Where a light without area is; `None` if it is infinitely far away or shines alike at any distance.
-fn position(kind: &LightKind) -> Option<Vec3> {
-    match *kind {
-        LightKind::Point { position, .. }
-        | LightKind::Spot { position, .. }
-        | LightKind::Profile { position, .. }
-        | LightKind::Projector { position, .. } => Some(position),
-        LightKind::Directional { .. } | LightKind::ConstantPoint { .. } => None,
-    }
-}
-
-fn power(kind: &LightKind, directions: Option<&Directions>, cross_section: f32) -> f32 {
-    let flux = directions.map_or(Vec3::ZERO, Directions::flux);
-    match *kind {
-        LightKind::Profile { scale, .. } => luminance(scale * flux),
-        LightKind::Projector { intensity, .. } => luminance(intensity * flux),
-        LightKind::Point { intensity, .. } => luminance(intensity) * 4.0 * PI,
-        LightKind::Spot { intensity, inner_angle, outer_angle, .. } => {
-            luminance(intensity) * 2.0 * PI * (1.0 - (0.5 * (inner_angle + outer_angle)).cos()).max(1e-4)
-        }
-        LightKind::Directional { irradiance, .. } | LightKind::ConstantPoint { irradiance, .. } => {
-            luminance(irradiance) * cross_section
-        }
-    }
-}
-
-/// Light from a light without area at points, per lane: direction, distance and radiance over density.
-#[inline(always)]
-pub(crate) fn from_light<F: Real>(kind: &LightKind, at: Vector<F>) -> (Vector<F>, F, Vector<F>) {
-    let token = at.token();
-    let constant = |v: Vec3| Vector::<F>::constant(token, v);
-    let (position, power, range) = match *kind {
-        LightKind::Point { position, intensity, range } => (position, intensity, range),
-        LightKind::Spot { position, intensity, range, .. } => (position, intensity, range),
-        LightKind::ConstantPoint { position, irradiance } => (position, irradiance, f32::INFINITY),
-        LightKind::Profile { position, scale, range, .. } => (position, scale, range),
-        LightKind::Projector { position, intensity, range, .. } => (position, intensity, range),
-        LightKind::Directional { direction, irradiance } => {
-            let wi = (-direction).try_normalize();
-            let irradiance = if wi.is_some() { irradiance } else { Vec3::ZERO };
-            return (
-                constant(wi.unwrap_or_default()),
-                F::constant(token, f32::INFINITY),
-                constant(irradiance),
-            );
-        }
-    };
-    let to_light = constant(position) - at;
-    let distance2 = to_light.length_squared();
-    let distance = distance2.sqrt();
-    let zero = distance.splat(0.0);
-    let wi = to_light.normalized_or(constant(Vec3::ZERO));
-    let mut factor = match kind {
-        LightKind::ConstantPoint { .. } => zero.splat(1.0),
-        _ => distance2.recip() * range_window(distance, range),
-    };
-    if let LightKind::Spot { direction, inner_angle, outer_angle, .. } = kind {
-        let cos = -wi.dot(constant(direction.normalize_or_zero()));
-        let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
-        // KHR_lights_punctual, "Inner and Outer Cone Angles".
-        let fade = ((cos - outer) * (1.0 / (inner - outer).max(1e-3))).clamp(0.0, 1.0);
-        factor = factor * fade * fade;
-    }
-    let usable = factor.gt(zero) & factor.lt(zero.splat(f32::INFINITY)) & distance.gt(zero);
-    let mut weight = constant(power) * factor;
-    if let Some(share) = table::<F>(kind, wi) {
-        weight = weight * share;
-    }
-    (wi, distance * (1.0 - 1e-5), weight.only(usable))
-}
-
-/// Radiance over density that arrives at a point from a light without area: see [`LightSample::weight`].
-pub(crate) fn constant_light(kind: &LightKind, at: Vec3) -> Vec3 {
-    from_light::<f32>(kind, at.into()).2.into()
-}
-
-/// The recommended fade of KHR_lights_punctual, without the inverse square.
-#[inline(always)]
-fn range_window<F: Real>(distance: F, range: f32) -> F {
-    if range.is_infinite() {
-        return distance.splat(1.0);
-    }
-    (distance * (1.0 / range)).squared().squared().complement().clamp(0.0, 1.0)
-}
-
 #[inline(always)]
 fn light_lanes<F: Real>(
     token: F::Token,
     lane: usize,
-    kind: &LightKind,
+    light: &PunctualLight,
     position: &Vectors,
     out: &mut Illumination,
 ) {
-    let (wi, distance, weight) = from_light::<F>(kind, Vector::load(token, position, lane));
+    let (wi, distance, weight) = light.arriving::<F>(Vector::load(token, position, lane));
     wi.store(&mut out.wi, lane);
     distance.store(&mut out.distance, lane);
     weight.store(&mut out.weight, lane);

@@ -2,11 +2,9 @@
 
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
-use heliostat_scene::LightKind;
 
 use crate::emission::Source;
 use crate::lanes::{Packet, Real, Vector, Vectors, WIDTH};
-use crate::light::from_light;
 use crate::lobe_set::{Lobes, Selection};
 use crate::packet::on_lanes;
 use crate::surface::{LaneMode, Surfaces};
@@ -77,21 +75,14 @@ impl Source {
 
     /// Whether it sends a flux of light into the scene: lights that shine alike at any distance have none.
     pub fn has_flux(&self) -> bool {
-        !matches!(self, Self::Light { kind: LightKind::ConstantPoint { .. }, .. })
+        !matches!(self, Self::Light { light, .. } if light.is_constant())
     }
 
     /// Where shadow rays to points start; `None` if the light comes from infinitely far away.
     pub fn origin(&self) -> Option<Vec3> {
         match *self {
             Self::Patch { position, error, normal, .. } => Some(position + normal * error),
-            Self::Light { ref kind, .. } => match *kind {
-                LightKind::Point { position, .. }
-                | LightKind::Spot { position, .. }
-                | LightKind::Profile { position, .. }
-                | LightKind::Projector { position, .. }
-                | LightKind::ConstantPoint { position, .. } => Some(position),
-                LightKind::Directional { .. } => None,
-            },
+            Self::Light { ref light, .. } => light.position(),
             Self::Distant { .. } => None,
         }
     }
@@ -155,8 +146,8 @@ fn arriving<F: Real>(token: F::Token, source: &Source, x: Vector<F>) -> (Vector<
             let facing = cos.positive() / distance2.max(F::constant(token, f32::MIN_POSITIVE));
             (wi, (Vector::constant(token, radiance), facing))
         }
-        Source::Light { ref kind, factor } => {
-            let (wi, _, weight) = from_light::<F>(kind, x);
+        Source::Light { ref light, factor } => {
+            let (wi, _, weight) = light.arriving::<F>(x);
             (wi, (weight, one * factor))
         }
         Source::Distant { wi, irradiance } => {

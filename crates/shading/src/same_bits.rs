@@ -15,6 +15,7 @@ use crate::lanes::{Floats, Vectors, WIDTH};
 use crate::lobe_set::Selection;
 use crate::material::{InterfaceCache, SurfaceMaterial};
 use crate::packet::{Scattered, Scattering};
+use crate::punctual::PunctualLight;
 use crate::receive::{Received, Taking};
 use crate::sampler::Sampler;
 use crate::sampling::uniform_sphere;
@@ -153,7 +154,7 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
     texts
 }
 
-fn sources() -> [Source; 5] {
+fn sources() -> [Source; 7] {
     let kind = LightKind::Spot {
         position: Vec3::new(0.3, 2.5, 0.1),
         direction: Vec3::NEG_Y,
@@ -191,8 +192,20 @@ fn sources() -> [Source; 5] {
         image: Arc::new(Image::rgba8(4, 4, (0..64).map(|i| (i * 37 % 256) as u8).collect())),
         range: f32::INFINITY,
     };
-    let light = |kind| Source::Light { kind, factor: 0.25 };
-    [patch, light(kind), distant, light(lamp), light(projector)]
+    let light = |kind| Source::Light { light: PunctualLight::new(&kind), factor: 0.25 };
+    let shaded = |name: &str| {
+        let kind = LightKind::Shader {
+            position: Vec3::new(0.3, 2.5, 0.1),
+            world_from_light: rotation,
+            scale: Vec3::new(5.0, 4.0, 3.0),
+            shader: Arc::new(ShaderUse::named(name)),
+            range: 9.0,
+        };
+        let light = ShaderRegistry::built_in().light(&kind).expect("it is built in");
+        Source::Light { light, factor: 0.25 }
+    };
+    let [doors, blinds] = ["barn-doors", "blinds"].map(shaded);
+    [patch, light(kind), distant, light(lamp), light(projector), doors, blinds]
 }
 
 #[test]

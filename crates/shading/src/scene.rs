@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, PathId, Ray, SeeThrough};
-use heliostat_scene::{Attributes, GeometryId, Light, MaterialId, SceneBounds};
+use heliostat_scene::{Attributes, GeometryId, MaterialId, SceneBounds};
 
 use crate::camera::{Cone, Viewer};
 use crate::emission::{EmittedRay, Source};
@@ -17,6 +17,7 @@ use crate::material::SurfaceMaterial;
 use crate::packet::Illumination;
 use crate::placement::{Placement, ShadedPart};
 use crate::point::{Arrival, Met};
+use crate::punctual::PunctualLight;
 use crate::reflectors::Reflectors;
 use crate::sort::HitPacket;
 use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
@@ -94,14 +95,14 @@ impl ShadingScene {
 
     /// Collects the lights: `lights`, emissive surfaces, the environment. `bounds` sets the power of lights that are
     /// infinitely far away. Costs what there are of them.
-    pub fn relight<'a>(
+    pub fn relight(
         &mut self,
-        lights: impl Iterator<Item = &'a Light>,
+        lights: impl Iterator<Item = PunctualLight>,
         environment: Arc<EnvironmentLight>,
         bounds: Option<SceneBounds>,
     ) {
         self.bounds = bounds;
-        self.lights = Lights::new(&self.lights, self.tables(), &self.emissive, lights, environment, bounds);
+        self.lights = Lights::new(self.tables(), &self.emissive, lights, environment, bounds);
     }
 
     /// The placements by path, to be moved: neither their number nor their parts may change. Copies them if another scene

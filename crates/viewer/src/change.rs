@@ -10,7 +10,7 @@ use heliostat_scene::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::luminaire::{Beam, Luminaire};
+use crate::luminaire::{Beam, Luminaire, ShadedLamp};
 
 /// One change. Handles are the numbers that the scene's loader gave out; the same file gives the same numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -111,21 +111,27 @@ pub enum Lamp {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         make: Option<Beam>,
     },
+    /// A light by a shader: of this make, or else the one that is there or came with the scene, elsewhere or brighter.
+    Shader {
+        position: [f32; 3],
+        scale: [f32; 3],
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        make: Option<ShadedLamp>,
+    },
 }
 
 /// What a scene came with and small changes cannot say: they refer to it.
 #[derive(Clone, Debug, Default)]
 pub struct Own {
     pub(crate) environment: Environment,
-    /// Lights that hold measurements or pictures.
+    /// Lights that hold measurements, pictures or shaders.
     lights: BTreeMap<LightId, LightKind>,
 }
 
 impl Own {
     /// Of a scene before any change.
     pub fn of(scene: &Scene) -> Self {
-        let holds =
-            |kind: &LightKind| matches!(kind, LightKind::Profile { .. } | LightKind::Projector { .. });
+        let holds = |kind: &LightKind| Lamp::of(kind).is_short();
         let lights = scene.lights().iter().filter(|(_, light)| holds(&light.kind));
         Self {
             environment: scene.environment().clone(),
@@ -133,8 +139,7 @@ impl Own {
         }
     }
 
-    /// A change that stands for itself: one of a measured light or projector that the scene did not come with says all of
-    /// what that is, as it is in the scene of now.
+    /// A change that stands for itself: one of a light with a make that the scene did not come with says all of what that is, as it is in the scene of now.
     pub(crate) fn complete(&self, mut change: Change, scene: &Scene) -> Change {
         if let Change::Light { light, to: Some(lamp), .. } = &mut change
             && lamp.kind(self.lights.get(&LightId(*light))).is_none()
@@ -143,6 +148,7 @@ impl Own {
             match lamp {
                 Lamp::Profile { make, .. } => *make = Luminaire::of(&now.kind),
                 Lamp::Projector { make, .. } => *make = Beam::of(&now.kind),
+                Lamp::Shader { make, .. } => *make = ShadedLamp::of(&now.kind),
                 _ => {}
             }
         }
@@ -259,14 +265,14 @@ impl Change {
             (Lamp::Projector { make, .. }, Lamp::Projector { make: known, .. }) if make == known => {
                 *make = None;
             }
+            (Lamp::Shader { make, .. }, Lamp::Shader { make: known, .. }) if make == known => *make = None,
             _ => {}
         }
     }
 
     /// Whether it leaves out what the light is made of.
     pub(crate) fn is_short(&self) -> bool {
-        let Self::Light { to: Some(lamp), .. } = self else { return false };
-        matches!(lamp, Lamp::Profile { make: None, .. } | Lamp::Projector { make: None, .. })
+        matches!(self, Self::Light { to: Some(lamp), .. } if lamp.is_short())
     }
 
     /// Takes over what only an earlier change of the same light says, which this one replaces.
@@ -280,6 +286,9 @@ impl Change {
                 make.clone_from(known);
             }
             (Lamp::Projector { make: make @ None, .. }, Lamp::Projector { make: known, .. }) => {
+                make.clone_from(known);
+            }
+            (Lamp::Shader { make: make @ None, .. }, Lamp::Shader { make: known, .. }) => {
                 make.clone_from(known);
             }
             _ => {}
@@ -372,6 +381,9 @@ impl Lamp {
             LightKind::Projector { position, intensity, .. } => {
                 Self::Projector { position: position.to_array(), intensity: intensity.to_array(), make: None }
             }
+            LightKind::Shader { position, scale, .. } => {
+                Self::Shader { position: position.to_array(), scale: scale.to_array(), make: None }
+            }
         }
     }
 
@@ -404,6 +416,9 @@ impl Lamp {
             (Self::Projector { position, intensity, make: Some(make) }, _) => {
                 make.light((*position).into(), (*intensity).into())
             }
+            (Self::Shader { position, scale, make: Some(make) }, _) => {
+                make.light((*position).into(), (*scale).into())
+            }
             (
                 Self::Profile { position, scale, .. },
                 Some(LightKind::Profile { world_from_light, profile, range, .. }),
@@ -425,8 +440,28 @@ impl Lamp {
                 image: image.clone(),
                 range: *range,
             },
-            (Self::Profile { .. } | Self::Projector { .. }, _) => return None,
+            (
+                Self::Shader { position, scale, .. },
+                Some(LightKind::Shader { world_from_light, shader, range, .. }),
+            ) => LightKind::Shader {
+                position: (*position).into(),
+                world_from_light: *world_from_light,
+                scale: (*scale).into(),
+                shader: shader.clone(),
+                range: *range,
+            },
+            (Self::Profile { .. } | Self::Projector { .. } | Self::Shader { .. }, _) => return None,
         })
+    }
+
+    /// Whether it leaves out what the light is made of.
+    fn is_short(&self) -> bool {
+        matches!(
+            self,
+            Self::Profile { make: None, .. }
+                | Self::Projector { make: None, .. }
+                | Self::Shader { make: None, .. }
+        )
     }
 
     /// Where it stands; lights at infinity stand nowhere.
@@ -436,6 +471,7 @@ impl Lamp {
             | Self::Spot { position, .. }
             | Self::ConstantPoint { position, .. }
             | Self::Profile { position, .. }
+            | Self::Shader { position, .. }
             | Self::Projector { position, .. } => Some(position.into()),
             Self::Directional { .. } => None,
         }
@@ -449,6 +485,7 @@ impl Lamp {
             | Self::ConstantPoint { irradiance: power, .. }
             | Self::Directional { irradiance: power, .. }
             | Self::Profile { scale: power, .. }
+            | Self::Shader { scale: power, .. }
             | Self::Projector { intensity: power, .. } => power,
         }
     }
@@ -469,6 +506,7 @@ impl Lamp {
             | Self::ConstantPoint { irradiance: power, .. }
             | Self::Directional { irradiance: power, .. }
             | Self::Profile { scale: power, .. }
+            | Self::Shader { scale: power, .. }
             | Self::Projector { intensity: power, .. } => *power = color,
         }
         self
@@ -481,6 +519,7 @@ impl Lamp {
             | Self::Spot { position, .. }
             | Self::ConstantPoint { position, .. }
             | Self::Profile { position, .. }
+            | Self::Shader { position, .. }
             | Self::Projector { position, .. } => {
                 *position = place.to_array();
             }

@@ -40,7 +40,7 @@ pub use document::Refusal;
 pub use gizmo::{GizmoMode, Line, LineKind};
 pub use host::{Host, Opened, Source};
 pub use input::{Button, Input, Phase, Selection};
-pub use luminaire::{Beam, Luminaire};
+pub use luminaire::{Beam, Luminaire, ShadedLamp};
 pub use navigator::Mode;
 pub use picture::{PackError, Picture, plane_bytes, plane_colors};
 pub use replay::{Key, KeyLens, KeyStereo, KeyView, Replay, Timed};

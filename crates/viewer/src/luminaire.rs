@@ -1,5 +1,5 @@
-//! All that a measured light or a projector is, for files: its table or picture with how it is turned, so that a replay can
-//! bring a light that the scene did not come with.
+//! All that a measured light, a projector or a shaded light is, for files: its table, picture or shader with how it is turned, so
+//! that a replay can bring a light that the scene did not come with.
 
 use std::sync::Arc;
 
@@ -8,6 +8,8 @@ use base64::engine::general_purpose::STANDARD;
 use glam::{Mat3, Vec3};
 use heliostat_scene::{Image, LightKind, Photometry, Pixels, Profile};
 use serde::{Deserialize, Serialize};
+
+use crate::style::Effect;
 
 /// Most pixels of a projector's picture in a file: those of 4096×2160.
 const MAX_PIXELS: u64 = 4096 * 2160;
@@ -38,6 +40,19 @@ pub struct Beam {
     range: Option<f32>,
     /// What it throws.
     image: Slide,
+}
+
+/// What a light by a shader is beside its place and strength.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShadedLamp {
+    /// Three columns of the rotation. In light space the light aims along −Z.
+    world_from_light: [f32; 9],
+    /// Metres; absent for infinity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    range: Option<f32>,
+    /// Its shader.
+    shader: Effect,
 }
 
 impl Luminaire {
@@ -79,6 +94,26 @@ impl Beam {
             intensity,
             vertical_fov: self.vertical_fov,
             image: self.image.0.clone(),
+            range: self.range.unwrap_or(f32::INFINITY),
+        }
+    }
+}
+
+impl ShadedLamp {
+    /// That of a light; `None` if it is of another kind, or its shader is one that no light can have.
+    pub fn of(kind: &LightKind) -> Option<Self> {
+        let LightKind::Shader { world_from_light, shader, range, .. } = kind else { return None };
+        let (world_from_light, shader) = (world_from_light.to_cols_array(), Effect::of(shader)?);
+        Some(Self { world_from_light, range: range.is_finite().then_some(*range), shader })
+    }
+
+    /// The light of this make at a place.
+    pub(crate) fn light(&self, position: Vec3, scale: Vec3) -> LightKind {
+        LightKind::Shader {
+            position,
+            world_from_light: Mat3::from_cols_array(&self.world_from_light),
+            scale,
+            shader: Arc::new(self.shader.shader()),
             range: self.range.unwrap_or(f32::INFINITY),
         }
     }
@@ -211,6 +246,8 @@ impl TryFrom<SlideForm> for Slide {
 
 #[cfg(test)]
 mod tests {
+    use heliostat_scene::ShaderUse;
+
     use super::*;
 
     #[test]
@@ -245,6 +282,17 @@ mod tests {
             assert_eq!(read.light(Vec3::X, Vec3::splat(3.0)), kind);
             assert_eq!(Luminaire::of(&kind), None);
         }
+        let shader = ShaderUse::named("blinds").with("slats", 7.0).with("color", Vec3::X);
+        let kind = LightKind::Shader {
+            position: Vec3::Z,
+            world_from_light: Mat3::from_rotation_y(0.7),
+            scale: Vec3::ONE,
+            shader: Arc::new(shader),
+            range: 3.0,
+        };
+        let text = serde_json::to_string(&ShadedLamp::of(&kind)).expect("JSON");
+        let read: ShadedLamp = serde_json::from_str(&text).expect("it is whole");
+        assert_eq!(read.light(Vec3::Z, Vec3::ONE), kind);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! up to date in place.
 
 mod changes;
+mod lights;
 mod tables;
 mod trees;
 mod world;
@@ -16,12 +17,12 @@ use std::time::Instant;
 use heliostat_kernel as kernel;
 use heliostat_kernel::World;
 use heliostat_scene::{
-    Applied, ApplyReport, BackendError, Edit, Environment, GeometryId, InstanceId, MaterialId,
+    Applied, ApplyReport, BackendError, Edit, Environment, GeometryId, InstanceId, LightId, MaterialId,
     MaterialOverride, ObjectId, Progress, RebuildKind, RebuildReason, Rebuilt, Scene, SceneBounds, Target,
     TextureId,
 };
 use heliostat_shading::{
-    EnvironmentLight, InterfaceCache, LaneMode, MipMap, ShaderRegistry, ShadingScene, Viewer,
+    EnvironmentLight, InterfaceCache, LaneMode, MipMap, PunctualLight, ShaderRegistry, ShadingScene, Viewer,
 };
 use rayon::prelude::*;
 
@@ -68,6 +69,7 @@ pub(crate) struct Compiled {
     textures: BTreeMap<TextureId, Arc<MipMap>>,
     interfaces: InterfaceCache,
     environment: Arc<EnvironmentLight>,
+    lights: BTreeMap<LightId, PunctualLight>,
     /// The order of the material table.
     materials: Vec<MaterialId>,
     /// Each object's place in the table of parts.
@@ -93,6 +95,7 @@ struct Staged {
     work: Vec<trees::TreeWork>,
     trees: BTreeMap<ObjectId, trees::StagedTree>,
     environment: Option<Arc<EnvironmentLight>>,
+    lights: Option<BTreeMap<LightId, PunctualLight>>,
     report: ApplyReport,
 }
 
@@ -109,6 +112,7 @@ impl Compiled {
             textures: BTreeMap::new(),
             interfaces: InterfaceCache::new(),
             environment: Arc::default(),
+            lights: BTreeMap::new(),
             materials: Vec::new(),
             slots: BTreeMap::new(),
             users: BTreeMap::new(),
@@ -174,10 +178,11 @@ impl Compiled {
             note(&mut report, "environment sampling table".into(), cause, RebuildKind::Built, 1, start);
             light
         });
+        let lights = changes.lights.then(|| self.stage_lights(scene, &mut report));
         if progress.is_cancelled() {
             return Err(BackendError::Cancelled);
         }
-        Ok(Staged { changes, textures, work, trees, environment, report })
+        Ok(Staged { changes, textures, work, trees, environment, lights, report })
     }
 
     /// The environment made ready; a placeholder, and a problem, for a shader that there is not.
@@ -190,13 +195,16 @@ impl Compiled {
     }
 
     fn commit(&mut self, scene: &Scene, edits: &[Edit], staged: Staged) -> Result<ApplyReport, BackendError> {
-        let Staged { changes, textures, work, trees, environment, mut report } = staged;
+        let Staged { changes, textures, work, trees, environment, lights, mut report } = staged;
         let touched = self.commit_objects(scene, (edits, &changes), &work, trees, &mut report)?;
         self.check_size()?;
         self.textures.extend(textures);
         self.textures.retain(|id, _| !changes.removed_textures.contains(id));
         if let Some(environment) = environment {
             self.environment = environment;
+        }
+        if let Some(lights) = lights {
+            self.lights = lights;
         }
         self.update_tables(scene, &changes, &touched, &mut report);
         self.start_rebuilds(scene, &touched.worn);

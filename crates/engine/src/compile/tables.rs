@@ -59,7 +59,7 @@ impl Compiled {
         let bounds = self.bounds();
         if relight || changes.lights || changes.environment || bounds != self.lit_bounds {
             self.lit_bounds = bounds;
-            self.shading.relight(scene.lights().values(), self.environment.clone(), bounds);
+            self.shading.relight(self.lights.values().cloned(), self.environment.clone(), bounds);
         }
         self.interfaces.retain(|_, tables| Arc::strong_count(tables) > 1);
     }
@@ -72,7 +72,7 @@ impl Compiled {
             let parts = self.shading.parts().to_vec();
             let mut tables = ShadingScene::new(compiled, parts, self.shading.placements().clone());
             tables.set_lane_mode(self.lanes);
-            tables.relight(scene.lights().values(), self.environment.clone(), self.bounds());
+            tables.relight(self.lights.values().cloned(), self.environment.clone(), self.bounds());
             let problems = tables.missing_attributes(|_, _| true);
             self.overridden = Some((materials.clone(), tables));
             return problems;

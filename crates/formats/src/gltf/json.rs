@@ -70,12 +70,32 @@ pub(super) struct LightProfileReference {
     pub(super) color: [f32; 3],
 }
 
-/// What other programs keep in a node, and our projector, which is read later: a mistake in it costs the projector alone.
+/// What other programs keep in a node, and our lights, which are read later: a mistake in one costs that light alone.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum NodeExtras {
-    Ours { heliostat_projector: serde_json::Value },
+    Projector { heliostat_projector: serde_json::Value },
+    Light { heliostat_light: serde_json::Value },
     Others(IgnoredAny),
+}
+
+/// A light by a shader that a node names.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShadedLight {
+    pub(super) name: String,
+    #[serde(default)]
+    pub(super) parameters: BTreeMap<String, LightParameter>,
+    #[serde(default = "white")]
+    pub(super) intensity: [f32; 3],
+}
+
+/// The value of a light shader's parameter.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum LightParameter {
+    Float(f32),
+    Vector([f32; 3]),
 }
 
 /// A projector that a node names.

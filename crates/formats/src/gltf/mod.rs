@@ -20,7 +20,9 @@
 //!
 //! EXT_lights_ies names measured lights (see [`ies`](mod@crate::ies)). A node's `extras` may make it a projector:
 //! `{"heliostat_projector": {"image": 0, "intensity": [r, g, b], "vertical_fov": 0.8}}` throws an image of the document along
-//! the node's −Z, its top towards +Y; W/sr where it is white, and radians over its height.
+//! the node's −Z, its top towards +Y; W/sr where it is white, and radians over its height. Or a light by one of the engine's
+//! light shaders: `{"heliostat_light": {"name": "barn-doors", "intensity": [r, g, b], "parameters": {"top": 0.1}}}`, in which
+//! parameters are numbers or `[x, y, z]`; it aims along −Z, with +Y up.
 //!
 //! Triangles, strips and fans are shown; points and lines are skipped with a warning. Meshes without normals are
 //! flat. KHR_node_visibility hides instances and darkens lights.

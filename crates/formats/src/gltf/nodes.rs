@@ -114,8 +114,14 @@ impl Loader<'_, '_> {
         if let Some(reference) = &extensions.light_profile {
             self.profile_light(reference, name.as_deref(), (node, forest), &path)?;
         }
-        if let Some(NodeExtras::Ours { heliostat_projector: projector }) = extras.as_deref() {
-            self.projector(projector, name.as_deref(), (node, forest), &path)?;
+        match extras.as_deref() {
+            Some(NodeExtras::Projector { heliostat_projector: projector }) => {
+                self.projector(projector, name.as_deref(), (node, forest), &path)?;
+            }
+            Some(NodeExtras::Light { heliostat_light: light }) => {
+                self.shaded_light(light, name.as_deref(), (node, forest), &path);
+            }
+            Some(NodeExtras::Others(_)) | None => {}
         }
         match (mesh, skin) {
             (Some(mesh), Some(skin)) => {

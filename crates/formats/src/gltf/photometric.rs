@@ -1,16 +1,17 @@
-//! Lights with a table: measured profiles (EXT_lights_ies), and projectors that a node names in its `extras`.
+//! Lights whose intensity depends on direction: measured profiles (EXT_lights_ies), and the projectors and light shaders that a
+//! node names in its `extras`.
 
 use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
-use heliostat_scene::{Light, LightKind, Profile};
+use heliostat_scene::{Light, LightKind, ParameterValue, Profile, ShaderUse};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::Loader;
 use super::container;
-use super::json::{LightProfileReference, Projector};
+use super::json::{LightParameter, LightProfileReference, Projector, ShadedLight};
 use super::nodes::Forest;
 use super::punctual::place_light;
 use crate::error::LoadError;
@@ -112,6 +113,42 @@ impl Loader<'_, '_> {
         let name = name.map_or_else(|| "projector".into(), str::to_owned);
         self.stand(usable.then_some(kind), name, place, &path);
         Ok(())
+    }
+
+    /// The light by a shader that a node asks for in its `extras`. Which shaders there are is not known here.
+    pub(super) fn shaded_light(
+        &mut self,
+        written: &Value,
+        name: Option<&str>,
+        place: (usize, &Forest),
+        user: &str,
+    ) {
+        let path = format!("{user}.extras.heliostat_light");
+        let light = match ShadedLight::deserialize(written) {
+            Ok(light) => light,
+            Err(error) => {
+                let hint = "write {\"name\": …, \"intensity\": [r, g, b], \"parameters\": {…}}";
+                self.context.warn(self.place(&path), format!("the light was left out: {error}"), hint);
+                return;
+            }
+        };
+        let value = |value| match value {
+            LightParameter::Float(value) => ParameterValue::Float(value),
+            LightParameter::Vector(value) => ParameterValue::Vector(value.into()),
+        };
+        let mut shader = ShaderUse::named(light.name);
+        shader.parameters.extend(light.parameters.into_iter().map(|(name, written)| (name, value(written))));
+        let scale = Vec3::from_array(light.intensity);
+        let kind = LightKind::Shader {
+            position: Vec3::ZERO,
+            world_from_light: Mat3::IDENTITY,
+            scale,
+            shader: Arc::new(shader),
+            range: f32::INFINITY,
+        };
+        let name = name.map_or_else(|| "light".into(), str::to_owned);
+        let usable = scale.is_finite() && scale.min_element() >= 0.0;
+        self.stand(usable.then_some(kind), name, place, &path);
     }
 
     /// Puts a light at its node, unless its values or the node's transform make no sense.

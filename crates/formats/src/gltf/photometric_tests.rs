@@ -1,7 +1,7 @@
 //! Tests of measured lights and projectors, on documents made here.
 
 use glam::{Mat3, Vec3};
-use heliostat_scene::LightKind;
+use heliostat_scene::{LightKind, ShaderUse};
 use serde_json::{Value, json};
 
 use super::tests::{applied, data_uri, read};
@@ -82,4 +82,29 @@ fn nodes_may_be_projectors() {
     let light = scene.lights().values().next().unwrap();
     let LightKind::Projector { intensity, vertical_fov, image, .. } = &light.kind else { panic!() };
     assert_eq!((*intensity, *vertical_fov, image.width), (Vec3::new(1.0, 2.0, 3.0), 0.5, 2));
+}
+
+#[test]
+fn nodes_may_be_lights_by_shaders() {
+    let node =
+        |light: Value| json!({"rotation": [0, 1, 0, 0], "extras": {"heliostat_light": light, "b": []}});
+    let parameters = json!({"open": 0.25, "tint": [1, 0.5, 0]});
+    let loaded = read(&document(
+        json!([]),
+        json!([
+            node(json!({"name": "blinds", "intensity": [1, 2, 3], "parameters": parameters})),
+            node(json!({"intensity": [1, 2, 3]})),
+            node(json!({"name": "blinds", "parameters": {"open": {"index": 0}}})),
+            node(json!({"name": "blinds", "intensity": [-1, 2, 3]})),
+        ]),
+    ))
+    .unwrap();
+    let scene = applied(&loaded);
+    assert_eq!((scene.lights().len(), loaded.diagnostics.len()), (1, 3), "{:?}", loaded.diagnostics);
+    assert!(loaded.diagnostics[0].message.contains("name"), "{:?}", loaded.diagnostics);
+    let light = scene.lights().values().next().unwrap();
+    let LightKind::Shader { world_from_light, scale, shader, .. } = &light.kind else { panic!() };
+    let expected = ShaderUse::named("blinds").with("open", 0.25).with("tint", Vec3::new(1.0, 0.5, 0.0));
+    assert_eq!((*scale, &**shader), (Vec3::new(1.0, 2.0, 3.0), &expected));
+    assert!((*world_from_light * Vec3::NEG_Z).distance(Vec3::Z) < 1e-6);
 }

@@ -156,7 +156,8 @@ pub(super) fn place_light(at_node: &LightKind, world: &Affine3A, visible: bool) 
             *intensity *= shown;
         }
         LightKind::Profile { position, world_from_light, scale: intensity, .. }
-        | LightKind::Projector { position, world_from_light, intensity, .. } => {
+        | LightKind::Projector { position, world_from_light, intensity, .. }
+        | LightKind::Shader { position, world_from_light, scale: intensity, .. } => {
             *position = there;
             *world_from_light = without_scale(*world)?.matrix3.into();
             *intensity *= shown;

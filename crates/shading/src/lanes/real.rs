@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use fearless_simd::{Simd, f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{Level, Simd, f32x16, mask32x16, prelude::*, u32x16};
 
 use super::{Floats, WIDTH, Whole};
 
@@ -118,6 +118,9 @@ pub trait Real:
 
     /// The token it was made with.
     fn token(self) -> Self::Token;
+
+    /// The instruction set of packets; `None` for single lanes.
+    fn level(token: Self::Token) -> Option<Level>;
 
     /// All lanes alike, in the registers that `self` is in.
     #[inline(always)]
@@ -289,6 +292,11 @@ impl Real for f32 {
     fn token(self) {}
 
     #[inline(always)]
+    fn level((): ()) -> Option<Level> {
+        None
+    }
+
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
     }
@@ -399,6 +407,11 @@ impl<S: Simd> Real for Packet<S> {
     #[inline(always)]
     fn token(self) -> S {
         ExtractToken::token(&self)
+    }
+
+    #[inline(always)]
+    fn level(token: S) -> Option<Level> {
+        Some(token.level())
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use heliostat_scene::{ParameterValue, ShadedEnvironment, ShaderRef, ShaderUse, TextureId};
+use heliostat_scene::{LightKind, ParameterValue, ShadedEnvironment, ShaderRef, ShaderUse, TextureId};
 
 use super::builtin;
 use super::{
@@ -17,14 +17,18 @@ use crate::closure::Closure;
 use crate::environment::EnvironmentLight;
 use crate::environment_shader::{EnvironmentProgram, EnvironmentShader, ShaderLight, environment_program};
 use crate::lanes::{Real, Vector};
+use crate::light_shader::{LightInfo, LightProgram, LightShader, ShadedLight, light_program};
 use crate::lobe_set::Lobes;
 use crate::material::Slot;
+use crate::punctual::PunctualLight;
 use crate::texture::MipMap;
 
-/// The surface shaders that materials can name, and the environment and camera shaders that scenes and cameras can.
+/// The surface shaders that materials can name, and the light, environment and camera shaders that lights, scenes and cameras
+/// can.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderRegistry {
     programs: BTreeMap<String, Arc<dyn SurfaceProgram>>,
+    lights: BTreeMap<String, Arc<dyn LightProgram>>,
     environments: BTreeMap<String, Arc<dyn EnvironmentProgram>>,
     cameras: BTreeMap<String, Arc<dyn CameraProgram>>,
     plugins: Option<Arc<dyn PluginSource>>,
@@ -87,6 +91,28 @@ impl ShaderRegistry {
     /// Adds a program under its name, in place of one that has it already.
     pub fn register_program(&mut self, program: Arc<dyn SurfaceProgram>) {
         self.programs.insert(program.info().name, program);
+    }
+
+    /// Adds a light shader under its name, in place of one that has it already.
+    pub fn register_light(&mut self, shader: impl LightShader) {
+        let name = shader.info().name;
+        self.lights.insert(name, light_program(shader));
+    }
+
+    /// A light made ready, with the shader that it names if it is of that kind.
+    ///
+    /// # Errors
+    /// [`ShaderProblem`] if there is no such shader or parameter, or a value is out of range or varies.
+    pub fn light(&self, kind: &LightKind) -> Result<PunctualLight, ShaderProblem> {
+        let LightKind::Shader { shader, .. } = kind else { return Ok(PunctualLight::new(kind)) };
+        let (what, program) = named("light", &self.lights, shader)?;
+        let values = constants(&what, &program.info().parameters, shader)?;
+        Ok(PunctualLight::shaded(kind, ShadedLight::new(program, values)))
+    }
+
+    /// What there is to know about the light shaders, by name.
+    pub fn light_infos(&self) -> impl Iterator<Item = LightInfo> {
+        self.lights.values().map(|program| program.info())
     }
 
     /// Adds an environment shader under its name, in place of one that has it already.

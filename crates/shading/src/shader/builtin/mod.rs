@@ -1,4 +1,4 @@
-//! The surface shaders that come with the engine: one file for each family.
+//! The surface and light shaders that come with the engine: one file for each family.
 
 mod brick;
 mod bumps;
@@ -7,6 +7,7 @@ mod checker;
 mod classic;
 mod false_color;
 mod foliage;
+mod lights;
 mod marble;
 mod noise;
 mod optics;
@@ -48,6 +49,8 @@ pub(super) fn register(registry: &mut ShaderRegistry) {
     registry.register(optics::Mirror);
     registry.register(toon::Toon);
     registry.register(wood::Wood);
+    registry.register_light(lights::BarnDoors);
+    registry.register_light(lights::Blinds);
 }
 
 /// An opaque shader whose lobes are those of plastic: a reflection over a diffuse base.
