@@ -139,7 +139,8 @@ impl Own {
         }
     }
 
-    /// A change that stands for itself: one of a light with a make that the scene did not come with says all of what that is, as it is in the scene of now.
+    /// A change that stands for itself: one of a light with a make that the scene did not come with says all of what that
+    /// is, as it is in the scene of now.
     pub(crate) fn complete(&self, mut change: Change, scene: &Scene) -> Change {
         if let Change::Light { light, to: Some(lamp), .. } = &mut change
             && lamp.kind(self.lights.get(&LightId(*light))).is_none()

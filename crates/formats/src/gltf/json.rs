@@ -74,8 +74,11 @@ pub(super) struct LightProfileReference {
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum NodeExtras {
-    Projector { heliostat_projector: serde_json::Value },
-    Light { heliostat_light: serde_json::Value },
+    Ours {
+        heliostat_projector: Option<serde_json::Value>,
+        heliostat_light: Option<serde_json::Value>,
+    },
+    /// No object.
     Others(IgnoredAny),
 }
 

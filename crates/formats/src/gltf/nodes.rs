@@ -114,14 +114,13 @@ impl Loader<'_, '_> {
         if let Some(reference) = &extensions.light_profile {
             self.profile_light(reference, name.as_deref(), (node, forest), &path)?;
         }
-        match extras.as_deref() {
-            Some(NodeExtras::Projector { heliostat_projector: projector }) => {
+        if let Some(NodeExtras::Ours { heliostat_projector, heliostat_light }) = extras.as_deref() {
+            if let Some(projector) = heliostat_projector {
                 self.projector(projector, name.as_deref(), (node, forest), &path)?;
             }
-            Some(NodeExtras::Light { heliostat_light: light }) => {
+            if let Some(light) = heliostat_light {
                 self.shaded_light(light, name.as_deref(), (node, forest), &path);
             }
-            Some(NodeExtras::Others(_)) | None => {}
         }
         match (mesh, skin) {
             (Some(mesh), Some(skin)) => {

@@ -1,4 +1,4 @@
-//! Tests of measured lights and projectors, on documents made here.
+//! Tests of measured lights, projectors and lights by shaders, on documents made here.
 
 use glam::{Mat3, Vec3};
 use heliostat_scene::{LightKind, ShaderUse};
@@ -107,4 +107,20 @@ fn nodes_may_be_lights_by_shaders() {
     let expected = ShaderUse::named("blinds").with("open", 0.25).with("tint", Vec3::new(1.0, 0.5, 0.0));
     assert_eq!((*scale, &**shader), (Vec3::new(1.0, 2.0, 3.0), &expected));
     assert!((*world_from_light * Vec3::NEG_Z).distance(Vec3::Z) < 1e-6);
+}
+
+#[test]
+fn a_node_may_be_a_projector_and_a_light() {
+    let extras = json!({
+        "heliostat_projector": {"image": 0, "intensity": [1, 2, 3], "vertical_fov": 0.5},
+        "heliostat_light": {"name": "blinds"},
+    });
+    let nodes = json!([{ "extras": extras }, { "extras": "other" }, { "extras": {} }]);
+    let loaded = read(&document(json!([]), nodes)).unwrap();
+    assert_eq!(
+        (applied(&loaded).lights().len(), loaded.diagnostics.len()),
+        (2, 0),
+        "{:?}",
+        loaded.diagnostics
+    );
 }
