@@ -26,8 +26,8 @@ impl Image {
     /// Most pixels along either side: texel coordinates stay exact in single precision.
     pub const MAX_SIDE: u32 = 1 << 24;
 
-    /// Most pixels in all: their indices are 32 bits wide.
-    pub const MAX_AREA: u64 = 1 << 32;
+    /// Most pixels in all: 32 bits number them together with their mip levels.
+    pub const MAX_AREA: u64 = 1 << 31;
 
     /// An 8-bit RGBA image.
     pub fn rgba8(width: u32, height: u32, pixels: Vec<u8>) -> Self {

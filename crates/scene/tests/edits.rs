@@ -120,9 +120,16 @@ fn contradictory_data_is_refused_with_value_and_fix() {
     let mut camera = Camera::look_at("", Vec3::ZERO, Vec3::X, Vec3::Y, 1.0);
     camera.world_from_camera = Affine3A::ZERO;
     assert!(problem(Edit::Camera(heliostat_scene::CameraId(0), camera)).contains("invertible"));
-    let image = Arc::new(Image::rgba8(2, 2, vec![0; 15]));
-    let texture = heliostat_scene::Texture::new("t", image, heliostat_scene::ColorSpace::Srgb);
-    assert!(problem(Edit::Texture(TextureId(0), Arc::new(texture))).contains("15 channel values for 2×2"));
+    let image = |width, height, len| {
+        let image = Arc::new(Image::rgba8(width, height, vec![0; len]));
+        let texture = heliostat_scene::Texture::new("t", image, heliostat_scene::ColorSpace::Srgb);
+        problem(Edit::Texture(TextureId(0), Arc::new(texture)))
+    };
+    assert!(image(2, 2, 15).contains("15 channel values for 2×2"));
+    assert!(image(3, 0, 0).contains("the image is 3×0"));
+    assert!(image((1 << 24) + 1, 1, 0).contains("the limit for either side is 16777216"));
+    assert!(image(1 << 16, 1 << 15, 4).contains("4 channel values for 65536×32768"));
+    assert!(image(1 << 16, (1 << 15) + 1, 0).contains("the limit is 2147483648 pixels in all"));
     let nan = Affine3A::from_translation(Vec3::NAN);
     assert!(
         problem(Edit::MoveInstance(InstanceId(0), nan)).contains("instance 0: the transform is not finite")

@@ -129,6 +129,18 @@ impl Surfaces {
         which.may_take(self.lobes)
     }
 
+    /// Whether any lane emits light, or has an ambient term of its own.
+    #[inline]
+    pub fn glows(&self) -> bool {
+        self.present.emission || self.present.ambient
+    }
+
+    /// Whether what any lane lets pass straight through, or what absorbs light before it, changes its ray.
+    #[inline]
+    pub fn filters(&self) -> bool {
+        self.present.through || self.present.absorption
+    }
+
     /// World-space position of a lane.
     #[inline]
     pub fn position(&self, lane: usize) -> Vec3 {

@@ -308,6 +308,8 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         (sums, first_sample): (&mut [PixelSum], bool),
     ) -> usize {
         let scene = self.view.scene;
+        let glows = surfaces.glows() || self.ambient != Vec3::ZERO;
+        let filters = surfaces.filters();
         let mut count = 0;
         // Neighbours mostly lie on the same part.
         let mut known: Option<(&Hit, FirstHit)> = None;
@@ -316,25 +318,8 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             let sum = &mut sums[ray.pixel as usize];
             sum.shaded += 1.0;
             ray.cone = ray.cone.advanced(hit.t);
-            let absorption = surfaces.absorption(lane);
-            if absorption != Vec3::ZERO {
-                ray.weight *= (-absorption * hit.t).exp();
-            }
-            let through = surfaces.through(lane);
-            if through != Vec3::ZERO {
-                let coverage = surfaces.coverage(lane);
-                self.send(WeightedRay {
-                    ray: Ray { origin: surfaces.origin(lane, ray.ray.direction), ..ray.ray },
-                    weight: ray.weight * through,
-                    passed_distance: ray.passed_distance + hit.t,
-                    passed: ray.passed + 1,
-                    seen: ray.seen || coverage > 0.0,
-                    ..*ray
-                });
-                ray.weight *= coverage;
-                if coverage == 0.0 {
-                    continue;
-                }
+            if filters && !self.filter(ray, hit, surfaces, lane) {
+                continue;
             }
             if !ray.seen {
                 let first = first_sample.then(|| match known {
@@ -345,13 +330,8 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                 sum.add_first_hit(surfaces, lane, ray.passed_distance + hit.t, first);
                 ray.seen = true;
             }
-            let emission = surfaces.emission(lane);
-            let mut radiance = surfaces.ambient(lane) + self.ambient * surfaces.albedo(lane);
-            if emission != Vec3::ZERO {
-                radiance += emission * emission_weight(scene, Visits::All, &ray.scattered(hit), hit);
-            }
-            if radiance != Vec3::ZERO {
-                self.lighting.find(ray, ray.weight * radiance, sum);
+            if glows {
+                self.glow(ray, hit, surfaces, lane, sum);
             }
             ray.edges += 1;
             if ray.edges >= self.max_edges {
@@ -361,6 +341,41 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             }
         }
         if surfaces.lobes().is_empty() { 0 } else { count }
+    }
+
+    /// What is absorbed before a lane's surface and passes straight through it: sends that on. Whether anything meets the surface.
+    fn filter(&mut self, ray: &mut WeightedRay, hit: &Hit, surfaces: &Surfaces, lane: usize) -> bool {
+        let absorption = surfaces.absorption(lane);
+        if absorption != Vec3::ZERO {
+            ray.weight *= (-absorption * hit.t).exp();
+        }
+        let through = surfaces.through(lane);
+        if through == Vec3::ZERO {
+            return true;
+        }
+        let coverage = surfaces.coverage(lane);
+        self.send(WeightedRay {
+            ray: Ray { origin: surfaces.origin(lane, ray.ray.direction), ..ray.ray },
+            weight: ray.weight * through,
+            passed_distance: ray.passed_distance + hit.t,
+            passed: ray.passed + 1,
+            seen: ray.seen || coverage > 0.0,
+            ..*ray
+        });
+        ray.weight *= coverage;
+        coverage > 0.0
+    }
+
+    /// Adds the light that a lane's surface sends by itself.
+    fn glow(&mut self, ray: &WeightedRay, hit: &Hit, surfaces: &Surfaces, lane: usize, sum: &mut PixelSum) {
+        let emission = surfaces.emission(lane);
+        let mut radiance = surfaces.ambient(lane) + self.ambient * surfaces.albedo(lane);
+        if emission != Vec3::ZERO {
+            radiance += emission * emission_weight(self.view.scene, Visits::All, &ray.scattered(hit), hit);
+        }
+        if radiance != Vec3::ZERO {
+            self.lighting.find(ray, ray.weight * radiance, sum);
+        }
     }
 
     /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.

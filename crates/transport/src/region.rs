@@ -143,6 +143,7 @@ pub struct FirstHit {
 }
 
 impl FirstHit {
+    #[inline]
     pub(crate) fn of(scene: &ShadingScene, hit: &Hit) -> Self {
         let (placement, _, material) = scene.part(hit);
         let Placement { object, instance, .. } = placement;
@@ -153,6 +154,7 @@ impl FirstHit {
 impl PixelSum {
     /// Adds the first surface a camera ray met (behind see-through ones it passed); `first` are its identifiers if this is the
     /// pixel's first sample.
+    #[inline]
     pub(crate) fn add_first_hit(
         &mut self,
         surfaces: &Surfaces,

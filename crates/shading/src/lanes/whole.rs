@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{BitAnd, BitOr, BitXor};
 
-use fearless_simd::{Simd, f32x16, prelude::*, u32x16};
+use fearless_simd::{Simd, f32x16, prelude::*, u32x16, u64x8};
 
 use super::{Real, WIDTH};
 
@@ -24,6 +24,13 @@ pub trait Whole:
 
     /// A number for as many lanes from `lane` on; see [`Real::gather`].
     fn gather(token: <Self::Real as Real>::Token, lane: usize, from: impl Fn(usize) -> u32) -> Self;
+
+    /// Two numbers for as many lanes from `lane` on: the lower half of 64 bits and the upper one.
+    fn gather_pairs(
+        token: <Self::Real as Real>::Token,
+        lane: usize,
+        from: impl Fn(usize) -> u64,
+    ) -> [Self; 2];
 
     /// Stores as many lanes from `lane` on.
     fn store(self, to: &mut Wholes, lane: usize);
@@ -97,6 +104,12 @@ impl Whole for u32 {
     }
 
     #[inline(always)]
+    fn gather_pairs((): (), lane: usize, from: impl Fn(usize) -> u64) -> [Self; 2] {
+        let pair = from(lane);
+        [pair as u32, (pair >> 32) as u32]
+    }
+
+    #[inline(always)]
     fn store(self, to: &mut Wholes, lane: usize) {
         to.0[lane] = self;
     }
@@ -167,6 +180,18 @@ impl<S: Simd> Whole for u32x16<S> {
             *value = from(lane);
         }
         Self::load_array(token, lanes)
+    }
+
+    #[inline(always)]
+    fn gather_pairs(token: S, _: usize, from: impl Fn(usize) -> u64) -> [Self; 2] {
+        let (mut low, mut high) = ([0; WIDTH / 2], [0; WIDTH / 2]);
+        for lane in 0..WIDTH / 2 {
+            low[lane] = from(lane);
+            high[lane] = from(WIDTH / 2 + lane);
+        }
+        let low: Self = u64x8::load_array(token, low).bitcast();
+        let high: Self = u64x8::load_array(token, high).bitcast();
+        [low.unzip_low(high), low.unzip_high(high)]
     }
 
     #[inline(always)]

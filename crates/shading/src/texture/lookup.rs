@@ -1,11 +1,11 @@
 //! Reading textures on lanes: where the texels are, what their codes stand for and how they are weighted. Only the reads
 //! themselves go lane by lane.
 
-use heliostat_scene::{ColorSpace, Pixels, Wrap};
+use heliostat_scene::{ColorSpace, Wrap};
 
-use super::MipMap;
-use crate::color::{SRGB8, UNIT, srgb_decode_code};
-use crate::lanes::{LaneFn, LanesFn, Mask, Real, WIDTH, Whole, Wholes};
+use super::{MOST_LEVELS, MipMap, Texels};
+use crate::color::{SRGB8, UNIT, srgb_decode_codes};
+use crate::lanes::{LaneFn, LanesFn, Mask, Real, Whole, Wholes};
 
 /// What a texture is filtered over: squares side by side, in texture space.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +40,7 @@ impl MipMap {
     fn mean_of_taps<F: Real>(&self, footprint: Footprint<F>) -> [F; 4] {
         let Footprint { uv: [u, v], lod, along: [along_u, along_v], probes } = footprint;
         let (zero, one) = (u.splat(0.0), u.splat(1.0));
-        let coarsest = self.coarsest() as f32;
+        let coarsest = self.coarsest as f32;
         let lod = lod.clamp(0.0, coarsest);
         let fine = lod.floor();
         let blend = lod - fine;
@@ -85,10 +85,13 @@ impl MipMap {
             middle = zero.where_or(magnified, middle);
         }
         let shrink = (-level + 127.0).truncate().left(23).as_real_bits();
-        let base = &self.levels[0];
-        let x = Axis::new(u, base.width as f32, shrink, self.wrap[0], middle);
-        let y = Axis::new(v, base.height as f32, shrink, self.wrap[1], middle);
-        let [a, b, c, d] = self.texels(&Corners::new(level, &x, &y), zero);
+        let x = Axis::new(u, self.size.x, shrink, self.wrap[0], middle);
+        let y = Axis::new(v, self.size.y, shrink, self.wrap[1], middle);
+        let width = (x.last + 2.0).truncate();
+        let upper = self.start(level).plus(y.near.truncate().times(width)).plus(x.near.truncate());
+        let token = level.token();
+        let [a, b] = self.pair::<F>(token, upper);
+        let [c, d] = self.pair::<F>(token, upper.plus(width));
         let mut mean = a;
         for channel in 0..4 {
             let near = a[channel].mix(b[channel], x.blend);
@@ -98,59 +101,65 @@ impl MipMap {
         mean
     }
 
-    /// Linear RGBA of the texels of all lanes, corner by corner; `like` is in the registers that they come to.
+    /// Indices of the first texels of levels.
     #[inline(always)]
-    fn texels<F: Real>(&self, corners: &Corners, like: F) -> [[F; 4]; 4] {
-        let token = like.token();
-        let mut texels = [[like; 4]; 4];
-        match &self.levels[0].pixels {
-            Pixels::Rgba8(_) => {
-                let levels = self.levels_of(corners, F::LANES, codes);
-                for (texel, at) in texels.iter_mut().zip(&corners.at) {
-                    *texel = self.decoded(F::Whole::gather(token, 0, |lane| {
-                        u32::from_le_bytes(levels[lane][at.0[lane] as usize])
-                    }));
-                }
+    fn start<F: Real>(&self, level: F) -> F::Whole {
+        let mut levels = Wholes::default();
+        level.truncate().store(&mut levels, 0);
+        F::Whole::gather(level.token(), 0, |lane| self.starts[levels.0[lane] as usize % MOST_LEVELS])
+    }
+
+    /// Linear RGBA of texels and of those after them.
+    #[inline(always)]
+    fn pair<F: Real>(&self, token: F::Token, at: F::Whole) -> [[F; 4]; 2] {
+        let mut indices = Wholes::default();
+        at.store(&mut indices, 0);
+        let index = |lane: usize| indices.0[lane] as usize;
+        match &self.texels {
+            Texels::Codes(codes) => {
+                let [near, far] = F::Whole::gather_pairs(token, 0, |lane| {
+                    let pair = &codes[index(lane)..index(lane) + 2];
+                    u64::from(pair[0]) | u64::from(pair[1]) << 32
+                });
+                self.decoded([near, far])
             }
-            Pixels::RgbaF32(_) => {
-                let levels = self.levels_of(corners, F::LANES, values);
-                for (texel, at) in texels.iter_mut().zip(&corners.at) {
+            Texels::Values(values) => {
+                let mut pair = [[at.to_real(); 4]; 2];
+                for (next, texel) in pair.iter_mut().enumerate() {
                     for (channel, value) in texel.iter_mut().enumerate() {
-                        *value = F::gather(token, 0, |lane| levels[lane][at.0[lane] as usize][channel]);
+                        *value = F::gather(token, 0, |lane| values[index(lane) + next][channel]);
                     }
                 }
+                pair
             }
         }
-        texels
     }
 
-    /// The texels of the level of each of the first `lanes` lanes.
+    /// Linear RGBA of two times four bytes.
     #[inline(always)]
-    fn levels_of<T>(&self, corners: &Corners, lanes: usize, texels: fn(&Pixels) -> &[T]) -> [&[T]; WIDTH] {
-        let mut levels: [&[T]; WIDTH] = [&[]; WIDTH];
-        for (level, &number) in levels.iter_mut().zip(&corners.level.0).take(lanes) {
-            *level = texels(&self.levels[number as usize].pixels);
-        }
-        levels
-    }
-
-    /// Linear RGBA of four bytes.
-    #[inline(always)]
-    fn decoded<F: Real>(&self, codes: F::Whole) -> [F; 4] {
-        let byte = codes.splat(0xff);
-        let r = (codes & byte).to_real();
-        let g = (codes.right(8) & byte).to_real();
-        let b = (codes.right(16) & byte).to_real();
-        let a = codes.right(24).to_real() * UNIT;
-        match self.decode {
-            ColorSpace::Linear => [r * UNIT, g * UNIT, b * UNIT, a],
-            // A single number is quicker looked up; the table holds what lanes compute.
-            ColorSpace::Srgb if F::LANES == 1 => {
-                let [r, g, b] = F::each([r, g, b], &Srgb8);
-                [r, g, b, a]
+    fn decoded<F: Real>(&self, [near, far]: [F::Whole; 2]) -> [[F; 4]; 2] {
+        let byte = near.splat(0xff);
+        let codes = [
+            (near & byte).to_real(),
+            (near.right(8) & byte).to_real(),
+            (near.right(16) & byte).to_real(),
+            (far & byte).to_real(),
+            (far.right(8) & byte).to_real(),
+            (far.right(16) & byte).to_real(),
+        ];
+        let [r, g, b, s, t, u] = match self.decode {
+            ColorSpace::Linear => {
+                let mut values = codes;
+                for value in &mut values {
+                    *value = *value * UNIT;
+                }
+                values
             }
-            ColorSpace::Srgb => [srgb_decode_code(r), srgb_decode_code(g), srgb_decode_code(b), a],
-        }
+            // Single numbers are quicker looked up; the table holds what lanes compute.
+            ColorSpace::Srgb if F::LANES == 1 => F::each(codes, &Srgb8),
+            ColorSpace::Srgb => srgb_decode_codes(codes),
+        };
+        [[r, g, b, near.right(24).to_real() * UNIT], [s, t, u, far.right(24).to_real() * UNIT]]
     }
 }
 
@@ -161,40 +170,31 @@ impl LanesFn<6, 4> for MipMap {
     }
 }
 
-/// Two neighbouring texels along an axis.
+/// A point between two neighbouring texels along an axis.
 struct Axis<F> {
-    /// Number of texels.
-    side: F,
+    /// The level's last texel. One more follows it, see [`Texels`].
+    last: F,
+    /// The texel before the point.
     near: F,
-    far: F,
-    /// Weight of the far one.
+    /// Weight of the one after it.
     blend: F,
 }
 
 impl<F: Real> Axis<F> {
-    /// Around a finite coordinate of a level whose side is `shrink` times `side` texels, rounded down; with `middle` 0 rather
+    /// At a finite coordinate of a level whose side is `shrink` times `side` texels, rounded down; with `middle` 0 rather
     /// than ½ `near` is the texel that is there.
     #[inline(always)]
     fn new(coordinate: F, side: f32, shrink: F, wrap: Wrap, middle: F) -> Self {
-        let one = shrink.splat(1.0);
+        let (zero, one) = (shrink.splat(0.0), shrink.splat(1.0));
         let side = (shrink * side).floor().max(one);
         let last = side - 1.0;
         let at = folded(coordinate, wrap) * side - middle;
+        // Before the first texel lies the last one of the repetition before, or the first itself.
+        let at = if wrap == Wrap::Repeat { at } else { at.positive() };
         let near = at.floor();
-        let blend = (at - near).only(middle.gt(one.splat(0.0)));
-        let far = near + 1.0;
-        let zero = one.splat(0.0);
-        match wrap {
-            Wrap::Repeat => Self {
-                side,
-                near: zero.where_or(last.lt(near), last.where_or(near.lt(zero), near)),
-                far: zero.where_or(last.lt(far), far),
-                blend,
-            },
-            Wrap::Mirror | Wrap::Clamp => {
-                Self { side, near: near.positive().min(last), far: far.min(last), blend }
-            }
-        }
+        let blend = (at - near).only(middle.gt(zero));
+        let near = last.where_or(near.lt(zero), near.min(last));
+        Self { last, near, blend }
     }
 }
 
@@ -209,53 +209,13 @@ fn folded<F: Real>(u: F, wrap: Wrap) -> F {
     }
 }
 
-/// Where the four texels of each lane are: the level, and indices into it.
-struct Corners {
-    level: Wholes,
-    at: [Wholes; 4],
-}
-
-impl Corners {
-    #[inline(always)]
-    fn new<F: Real>(level: F, x: &Axis<F>, y: &Axis<F>) -> Self {
-        let mut corners = Self { level: Wholes::default(), at: [Wholes::default(); 4] };
-        level.truncate().store(&mut corners.level, 0);
-        let (left, right, width) = (x.near.truncate(), x.far.truncate(), x.side.truncate());
-        let (above, below) = (y.near.truncate().times(width), y.far.truncate().times(width));
-        let [a, b, c, d] = &mut corners.at;
-        above.plus(left).store(a, 0);
-        above.plus(right).store(b, 0);
-        below.plus(left).store(c, 0);
-        below.plus(right).store(d, 0);
-        corners
-    }
-}
-
 /// Linear values of 8-bit sRGB codes.
 struct Srgb8;
 
-impl LaneFn<3, 3> for Srgb8 {
+impl<const N: usize> LaneFn<N, N> for Srgb8 {
     #[inline(always)]
-    fn at(&self, [r, g, b]: [f32; 3]) -> [f32; 3] {
+    fn at(&self, codes: [f32; N]) -> [f32; N] {
         let table: &[f32; 256] = &SRGB8;
-        [table[r as usize & 255], table[g as usize & 255], table[b as usize & 255]]
-    }
-}
-
-/// Texels of four bytes, red first; none if they are floats.
-#[inline(always)]
-fn codes(pixels: &Pixels) -> &[[u8; 4]] {
-    match pixels {
-        Pixels::Rgba8(bytes) => bytes.as_chunks().0,
-        Pixels::RgbaF32(_) => &[],
-    }
-}
-
-/// Texels of four floats; none if they are bytes.
-#[inline(always)]
-fn values(pixels: &Pixels) -> &[[f32; 4]] {
-    match pixels {
-        Pixels::Rgba8(_) => &[],
-        Pixels::RgbaF32(floats) => floats.as_chunks().0,
+        codes.map(|code| table[code as usize & 255])
     }
 }

@@ -10,41 +10,107 @@ use heliostat_scene::{ColorSpace, Image, Pixels, Texture, Wrap};
 use crate::color::{SRGB8, UNIT8, srgb_encode};
 pub(crate) use lookup::Footprint;
 
+/// Levels that a pyramid may have.
+const MOST_LEVELS: usize = 32;
+const _: () = assert!(Image::MAX_SIDE.ilog2() < MOST_LEVELS as u32);
+
 /// A texture with its mip pyramid.
 #[derive(Clone, Debug)]
 pub struct MipMap {
-    /// The image itself, then levels of half the size each (rounded down), to 1×1, with the same kind of pixels.
-    levels: Vec<Arc<Image>>,
+    /// Width and height of level 0, texels.
+    size: Vec2,
+    coarsest: usize,
+    /// Index of each level's first texel.
+    starts: [u32; MOST_LEVELS],
+    texels: Texels,
+    mean: Vec4,
     decode: ColorSpace,
     wrap: [Wrap; 2],
     nearest: bool,
 }
 
+/// The image itself, then levels of half the size each (rounded down), to 1×1, row by row. Every row goes on by one texel and
+/// every level by one row: by what lies there, so that the four texels around a point are two pairs of neighbours.
+#[derive(Clone, Debug)]
+enum Texels {
+    /// A byte per channel, red lowest.
+    Codes(Vec<u32>),
+    Values(Vec<[f32; 4]>),
+}
+
 impl MipMap {
     /// Builds the pyramid by area averages of linear values.
     pub fn new(texture: &Texture) -> Self {
-        let mut levels = vec![texture.image.clone()];
-        while let Some(finest) = levels.last().filter(|finest| finest.width.max(finest.height) > 1) {
-            levels.push(Arc::new(halved(finest, texture.color_space)));
+        let mut texels = match texture.image.pixels {
+            Pixels::Rgba8(_) => Texels::Codes(Vec::new()),
+            Pixels::RgbaF32(_) => Texels::Values(Vec::new()),
+        };
+        let mut starts = [0; MOST_LEVELS];
+        let (mut level, mut coarsest) = (texture.image.clone(), 0);
+        loop {
+            starts[coarsest] = texels.push(&level, texture.wrap);
+            if level.width.max(level.height) == 1 {
+                break;
+            }
+            level = Arc::new(halved(&level, texture.color_space));
+            coarsest += 1;
         }
-        Self { levels, decode: texture.color_space, wrap: texture.wrap, nearest: texture.nearest }
+        Self {
+            size: Vec2::new(texture.image.width as f32, texture.image.height as f32),
+            coarsest,
+            starts,
+            texels,
+            mean: texel(&level, 0, 0, texture.color_space),
+            decode: texture.color_space,
+            wrap: texture.wrap,
+            nearest: texture.nearest,
+        }
     }
 
     /// Width and height of level 0 in texels.
     pub fn size(&self) -> Vec2 {
-        let base = &self.levels[0];
-        Vec2::new(base.width as f32, base.height as f32)
+        self.size
     }
 
     /// Mean over the whole image.
     pub fn mean(&self) -> Vec4 {
-        texel(&self.levels[self.coarsest()], 0, 0, self.decode)
+        self.mean
     }
+}
 
-    /// The level of a single texel.
-    fn coarsest(&self) -> usize {
-        self.levels.len() - 1
+impl Texels {
+    /// Appends a level and returns the index of its first texel.
+    fn push(&mut self, level: &Image, wrap: [Wrap; 2]) -> u32 {
+        match (self, &level.pixels) {
+            (Self::Codes(all), Pixels::Rgba8(bytes)) => {
+                append(all, bytes.as_chunks().0, level.width, wrap, |&bytes| u32::from_le_bytes(bytes))
+            }
+            (Self::Values(all), Pixels::RgbaF32(values)) => {
+                append(all, values.as_chunks().0, level.width, wrap, |&value| value)
+            }
+            _ => unreachable!("all levels have pixels of one kind"),
+        }
     }
+}
+
+/// Appends the rows of a level, with a texel and a row more, and returns the index of the first.
+fn append<T: Copy, U: Copy>(
+    all: &mut Vec<U>,
+    texels: &[T],
+    width: u32,
+    [across, down]: [Wrap; 2],
+    of: impl Fn(&T) -> U,
+) -> u32 {
+    let start = all.len();
+    let width = width as usize;
+    let rows = texels.chunks_exact(width);
+    all.reserve((width + 1) * (rows.len() + 1));
+    let beyond = if down == Wrap::Repeat { rows.clone().next() } else { rows.clone().next_back() };
+    for row in rows.chain(beyond) {
+        all.extend(row.iter().map(&of));
+        all.push(of(&row[if across == Wrap::Repeat { 0 } else { width - 1 }]));
+    }
+    start as u32
 }
 
 /// Linear RGBA of one texel inside the image.
@@ -160,7 +226,8 @@ mod tests {
     #[test]
     fn long_footprints_stay_sharp() {
         // A checkerboard of 16 texels a square, looked at through footprints that are 4 texels wide and 32 long.
-        let map = MipMap::new(&texture(256, 256, |x, y| ((x / 16 + y / 16) % 2) as f32));
+        let texture = texture(256, 256, |x, y| ((x / 16 + y / 16) % 2) as f32);
+        let (map, image) = (MipMap::new(&texture), texture.image);
         let mut errors = [0.0_f64; 2];
         for i in 0..500_u32 {
             let [x, y, turn] = [0.618_034, 0.754_878, 0.569_84].map(|step| (i as f32 * step).fract());
@@ -170,7 +237,7 @@ mod tests {
                 let at = |k: u32, n: u32| (k as f32 + 0.5) / n as f32 - 0.5;
                 let there = uv + along * at(j % 64, 64) + across * at(j / 64, 8);
                 let [x, y] = there.to_array().map(|u| (256.0 * u.rem_euclid(1.0)) as u32 % 256);
-                texel(&map.levels[0], x, y, ColorSpace::Linear)
+                texel(&image, x, y, ColorSpace::Linear)
             });
             let exact = inside.map(|texel| texel.x).sum::<f32>() / 512.0;
             // Squares side by side, and one square that is as long up to four widths, as is usual.
@@ -181,6 +248,54 @@ mod tests {
         }
         let [row, square] = errors.map(|error| (error / 500.0).sqrt());
         assert!(row < 0.6 * square, "root mean square errors: {row} of a row, {square} of a square");
+    }
+
+    #[test]
+    fn every_level_is_interpolated_across_its_borders() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for (width, height) in [(8, 8), (5, 3), (1, 4), (6, 1)] {
+                let mut t = texture(width, height, |x, y| (x * x + 7 * y + 1) as f32);
+                t.wrap = [wrap; 2];
+                let map = MipMap::new(&t);
+                let (mut level, mut lod) = (t.image.clone(), 0.0);
+                loop {
+                    for i in 0..200_u32 {
+                        let [u, v] =
+                            [0.618_034_f32, 0.754_878].map(|step| 4.0 * (i as f32 * step).fract() - 2.0);
+                        let expected = interpolated(&level, Vec2::new(u, v), wrap);
+                        let found = lookup(&map, Vec2::new(u, v), lod).x;
+                        assert!(
+                            (found - expected).abs() < 1e-3,
+                            "{wrap:?} {lod} {u} {v}: {found}, not {expected}"
+                        );
+                    }
+                    if level.width.max(level.height) == 1 {
+                        break;
+                    }
+                    (level, lod) = (Arc::new(halved(&level, ColorSpace::Linear)), lod + 1.0);
+                }
+            }
+        }
+    }
+
+    /// Red between the four texels around a point.
+    fn interpolated(image: &Image, uv: Vec2, wrap: Wrap) -> f32 {
+        let index = |i: i32, side: u32| {
+            let side = side as i32;
+            let inside = match wrap {
+                Wrap::Repeat => i.rem_euclid(side),
+                Wrap::Clamp => i.clamp(0, side - 1),
+                Wrap::Mirror => i.rem_euclid(2 * side).min(2 * side - 1 - i.rem_euclid(2 * side)),
+            };
+            inside as u32
+        };
+        let at = uv * Vec2::new(image.width as f32, image.height as f32) - 0.5;
+        let (low, blend) = (at.floor().as_ivec2(), at - at.floor());
+        let red = |x: i32, y: i32| {
+            texel(image, index(x, image.width), index(y, image.height), ColorSpace::Linear).x
+        };
+        let row = |y: i32| red(low.x, y) * (1.0 - blend.x) + red(low.x + 1, y) * blend.x;
+        row(low.y) * (1.0 - blend.y) + row(low.y + 1) * blend.y
     }
 
     #[test]
