@@ -10,8 +10,9 @@
 // Points in a packet.
 #define HELIOSTAT_WIDTH 16
 
-// The version of this interface. A plug-in that was made for another one is refused.
-#define HELIOSTAT_ABI_VERSION 1
+// The version of this interface. Versions grow at the end of the tables that plug-ins are given: the engine takes plug-ins of
+// this version and of those before, and refuses later ones.
+#define HELIOSTAT_ABI_VERSION 2
 
 // Most parameters of one shader.
 #define HELIOSTAT_MAX_PARAMETERS 32
@@ -109,6 +110,10 @@ typedef struct HeliostatPoints {
     const struct HeliostatFloats *distance;
     // Edges between the camera and this point, from 1.
     const struct HeliostatFloats *level;
+    // Unit vector towards the camera of the frame, world space, whatever ray arrived: the same for light and in mirrors.
+    // Where there is no frame, as when lamps are measured, it is `to_viewer`. Since version 2: a plug-in that says it is of
+    // version 1 must not read it, since engines of that version do not give it.
+    const struct HeliostatVectors *to_camera;
 } HeliostatPoints;
 
 // The values of the shader's parameters at the points.
@@ -144,7 +149,7 @@ typedef struct HeliostatCallbacks {
                      uint32_t count,
                      struct HeliostatFloats *value,
                      struct HeliostatVectors *gradient);
-    // NULL. Kept for what version 1 has not: rays of the shader's own and loops over lights.
+    // NULL. Kept for what there is not yet: rays of the shader's own and loops over lights.
     const void *reserved[5];
 } HeliostatCallbacks;
 
@@ -214,7 +219,7 @@ typedef struct HeliostatShader {
 
 // What a plug-in consists of. It stays where it is, unchanged, for as long as the library is loaded.
 typedef struct HeliostatPlugin {
-    // HELIOSTAT_ABI_VERSION.
+    // HELIOSTAT_ABI_VERSION, or an earlier version of which the plug-in needs no more.
     uint32_t abi_version;
     // sizeof(HeliostatShader).
     uint32_t shader_size;
@@ -229,7 +234,7 @@ typedef struct HeliostatPlugin {
 /* The engine asserts the same. */
 static_assert(sizeof(HeliostatFloats) == 64, "packets are tightly packed");
 static_assert(sizeof(HeliostatVectors) == 192, "packets are tightly packed");
-static_assert(sizeof(HeliostatPoints) == 14 * sizeof(void *), "a table of pointers");
+static_assert(sizeof(HeliostatPoints) == 15 * sizeof(void *), "a table of pointers");
 static_assert(sizeof(HeliostatClosures) == 13 * sizeof(void *), "a table of pointers");
 static_assert(sizeof(HeliostatInputs) == 2 * sizeof(void *), "a pointer and a number");
 static_assert(sizeof(HeliostatCallbacks) == 8 * sizeof(void *), "a table of pointers");
@@ -245,8 +250,8 @@ static_assert(sizeof(HeliostatConstant) == 16, "four numbers");
 extern "C" {
 #endif
 
-/* The function that a plug-in defines: what it consists of, or NULL if it does not know the version that the engine
- * speaks. */
+/* The function that a plug-in defines: what it consists of, or NULL if it does not know the version that it is asked for.
+ * The engine asks for its own version first and for earlier ones then. */
 HELIOSTAT_EXPORT const HeliostatPlugin *heliostat_plugin(uint32_t abi_version);
 
 #ifdef __cplusplus

@@ -65,6 +65,10 @@ fn checker(folder: &Path) -> Option<PathBuf> {
     compile(&compiler, &[C, WARNINGS, LIBRARY, &["-Iinclude"]], "examples/shaders/c/checker.c", library)
 }
 
+fn toon(folder: &Path) -> Option<PathBuf> {
+    c("examples/shaders/c/toon.c", WARNINGS, folder.join("toon.so"))
+}
+
 fn marble(folder: &Path) -> Option<PathBuf> {
     let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
     let library = folder.join("marble.so");
@@ -139,6 +143,39 @@ fn the_checker_in_c_is_the_built_in_one() {
     let difference = difference(&built_in, &ours);
     assert!(difference <= 1e-3, "{difference}");
     eprintln!("largest difference of a channel: {difference:e}");
+}
+
+#[test]
+fn the_toon_in_c_follows_the_camera_in_mirrors_too() {
+    let Some(file) = toon(&folder("toon")) else { return };
+    let corner = |shader: ShaderUse| {
+        let shaded = |shader: ShaderUse| Material { shader: Some(Arc::new(shader)), ..Material::default() };
+        let mut scene = SceneBuilder::new();
+        let toon = scene.material(shaded(shader.with("bands", 7.0)));
+        let mirror = scene.material(shaded(ShaderUse::named("mirror").with("tint", Vec3::ONE)));
+        let wall = scene.mesh(Mesh::quad(Vec3::new(-4.0, -4.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0));
+        let side = scene.mesh(Mesh::quad(Vec3::new(0.5, -3.0, 0.0), Vec3::Z * 4.0, Vec3::Y * 6.0));
+        let object = scene.object("corner", [(wall, toon), (side, mirror)]);
+        scene.instance(object, Affine3A::IDENTITY);
+        scene.environment(Environment::Constant(Vec3::ONE));
+        let (report, [frame, _]) = render(scene, true);
+        assert_eq!((&report.problems[..], &frame.problems[..]), (&[][..], &[][..]));
+        frame
+    };
+    // The same operations in the same order give the same bits where products stay apart from sums, which the compiler's
+    // arguments ask for; bands that followed the reflected rays would be off by a band's colour.
+    let (built_in, ours) = (corner(ShaderUse::named("toon")), corner(plugin(file, "toon")));
+    assert_eq!(difference(&built_in, &ours), 0.0);
+}
+
+#[test]
+fn plugins_of_the_first_version_still_load() {
+    let file = folder("first").join("first.so");
+    let Some(file) = c("tests/shaders/faulty.c", &["-w", "-DFIRST_VERSION"], file) else { return };
+    let (report, [frame, _]) = show(Some(plugin(file.clone(), "faulty")), true);
+    assert_eq!((&report.problems[..], &frame.problems[..]), (&[][..], &[][..]));
+    let (_, [other, _]) = show(Some(plugin(file, "faulty").with("amount", 0.2)), true);
+    assert!(difference(&frame, &other) > 0.1, "its parameter does something");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-/* Shaders with a fault, one at a time by macro, to see that the engine catches it. Without a macro there is none. */
+/* Shaders with a fault, one at a time by macro, to see that the engine catches it. Without a macro there is none, nor with
+ * FIRST_VERSION. */
 #include "heliostat_shader.h"
 
 #include <math.h>
@@ -73,6 +74,8 @@ static const HeliostatShader shaders[] = {
 static const HeliostatPlugin plugin = {
 #ifdef OTHER_VERSION
     .abi_version = 77,
+#elif defined(FIRST_VERSION)
+    .abi_version = 1,
 #else
     .abi_version = HELIOSTAT_ABI_VERSION,
 #endif
@@ -108,6 +111,8 @@ const HeliostatPlugin *heliostat_plugin(uint32_t abi_version)
 #endif
 #ifdef OLDER
     return abi_version == 0 ? &plugin : NULL;
+#elif defined(FIRST_VERSION)
+    return abi_version == 1 ? &plugin : NULL;
 #else
     (void)abi_version;
     return &plugin;

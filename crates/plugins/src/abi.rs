@@ -8,8 +8,9 @@ use std::ffi::{c_char, c_void};
 /// Points in a packet.
 pub const HELIOSTAT_WIDTH: usize = 16;
 
-/// The version of this interface. A plug-in that was made for another one is refused.
-pub const HELIOSTAT_ABI_VERSION: u32 = 1;
+/// The version of this interface. Versions grow at the end of the tables that plug-ins are given: the engine takes plug-ins of
+/// this version and of those before, and refuses later ones.
+pub const HELIOSTAT_ABI_VERSION: u32 = 2;
 
 /// Most parameters of one shader.
 pub const HELIOSTAT_MAX_PARAMETERS: usize = 32;
@@ -89,6 +90,10 @@ pub struct HeliostatPoints {
     pub distance: *const HeliostatFloats,
     /// Edges between the camera and this point, from 1.
     pub level: *const HeliostatFloats,
+    /// Unit vector towards the camera of the frame, world space, whatever ray arrived: the same for light and in mirrors.
+    /// Where there is no frame, as when lamps are measured, it is `to_viewer`. Since version 2: a plug-in that says it is of
+    /// version 1 must not read it, since engines of that version do not give it.
+    pub to_camera: *const HeliostatVectors,
 }
 
 /// The values of the shader's parameters at the points.
@@ -170,7 +175,7 @@ pub struct HeliostatCallbacks {
             gradient: *mut HeliostatVectors,
         ) -> i32,
     >,
-    /// NULL. Kept for what version 1 has not: rays of the shader's own and loops over lights.
+    /// NULL. Kept for what there is not yet: rays of the shader's own and loops over lights.
     pub reserved: [*const c_void; 5],
 }
 
@@ -248,7 +253,7 @@ pub struct HeliostatShader {
 #[repr(C)]
 #[derive(Debug)]
 pub struct HeliostatPlugin {
-    /// HELIOSTAT_ABI_VERSION.
+    /// HELIOSTAT_ABI_VERSION, or an earlier version of which the plug-in needs no more.
     pub abi_version: u32,
     /// sizeof(HeliostatShader).
     pub shader_size: u32,
@@ -260,13 +265,13 @@ pub struct HeliostatPlugin {
     pub shaders: *const HeliostatShader,
 }
 
-/// The function that every plug-in exports under the name `heliostat_plugin`. It returns NULL if the plug-in does not know
-/// the version that the engine speaks.
+/// The function that every plug-in exports under the name `heliostat_plugin`. The engine calls it with its own version and,
+/// while it returns NULL, which says that the plug-in does not know that version, with earlier ones.
 pub type HeliostatEntry = Option<unsafe extern "C" fn(abi_version: u32) -> *const HeliostatPlugin>;
 
 // The header asserts the same for the author's compiler.
 const _: () = assert!(size_of::<HeliostatFloats>() == 64 && size_of::<HeliostatVectors>() == 192);
-const _: () = assert!(size_of::<HeliostatPoints>() == 14 * size_of::<*const c_void>());
+const _: () = assert!(size_of::<HeliostatPoints>() == 15 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatClosures>() == 13 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatInputs>() == 2 * size_of::<*const c_void>());
 const _: () = assert!(size_of::<HeliostatCallbacks>() == 8 * size_of::<*const c_void>());

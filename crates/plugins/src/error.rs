@@ -39,7 +39,7 @@ pub enum PluginError {
     },
     /// It was made for another version of the interface.
     #[error(
-        "plug-in {}: it {}; this engine speaks version {HELIOSTAT_ABI_VERSION}: compile the plug-in with this engine's \
+        "plug-in {}: it {}; this engine speaks versions up to {HELIOSTAT_ABI_VERSION}: compile the plug-in with this engine's \
          header",
         file.display(),
         found.map_or("does not know the engine's interface".into(), |v| format!("was made for version {v} of the interface"))

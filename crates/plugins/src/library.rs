@@ -49,27 +49,32 @@ fn open_here(path: &Path) -> Result<Library, libloading::Error> {
     unsafe { Library::new(path) }
 }
 
+/// The oldest version of the interface that this engine still speaks.
+const OLDEST_VERSION: u32 = 1;
+
 impl Loaded {
-    /// The plug-in's table, of this engine's version of the interface.
+    /// The plug-in's table, of a version of the interface that this engine speaks.
     pub(crate) fn table(&self) -> Result<&HeliostatPlugin, PluginError> {
         // SAFETY: the header declares the function of this name so; a plug-in that defines another one breaks its contract.
         let entry = unsafe { self.library.get::<HeliostatEntry>(b"heliostat_plugin\0") };
         let entry = entry.ok().and_then(|symbol| *symbol);
         let Some(entry) = entry else { return Err(PluginError::NoEntry { file: self.file.clone() }) };
+        // Plug-ins of earlier versions know no later ones.
+        let versions = (OLDEST_VERSION..=HELIOSTAT_ABI_VERSION).rev();
         // SAFETY: the function takes any number.
-        let table = unsafe { entry(HELIOSTAT_ABI_VERSION) };
-        if table.is_null() {
+        let table = versions.map(|version| unsafe { entry(version) }).find(|table| !table.is_null());
+        let Some(table) = table else {
             return Err(PluginError::Version { file: self.file.clone(), found: None });
-        }
+        };
         if !table.is_aligned() {
             return Err(self.invalid("its table is not aligned"));
         }
         // SAFETY: the pointer is neither null nor askew, and every version of the table begins with its number.
         let found = unsafe { table.cast::<u32>().read() };
-        if found != HELIOSTAT_ABI_VERSION {
+        if !(OLDEST_VERSION..=HELIOSTAT_ABI_VERSION).contains(&found) {
             return Err(PluginError::Version { file: self.file.clone(), found: Some(found) });
         }
-        // SAFETY: the table is of this version, and stays as it is while the library is loaded: as long as `self` is there.
+        // SAFETY: all versions that this engine speaks have the same table, and it stays as it is while the library is loaded: as long as `self` is there.
         Ok(unsafe { &*table })
     }
 

@@ -130,7 +130,7 @@ impl Instance {
     /// Lets the plug-in shade with these values of its parameters.
     fn call(
         &self,
-        count: usize,
+        (mode, count): (LaneMode, usize),
         points: &Points,
         inputs: &[Input],
         values: &[Vectors],
@@ -143,7 +143,9 @@ impl Instance {
         let handed = HeliostatInputs { values: table.as_ptr(), count: values.len() as u32 };
         let given = Given { inputs, points };
         let callbacks = callbacks::table(&given);
-        let points = points_table(points);
+        // Plug-ins of version 1 do not look for it.
+        let to_camera = (self.shader.entry.version > 1).then(|| points.eye(mode, count));
+        let points = points_table(points, to_camera.as_ref().unwrap_or(&points.wo));
         let closures = closures_table(closures);
         // SAFETY: the handle is the one that `create` gave, the library is loaded, and all tables and what they point to
         // outlive the call; the plug-in may write the closures alone, which are borrowed mutably.
@@ -164,9 +166,9 @@ impl SurfaceProgram for Instance {
             for (input, value) in inputs.iter().zip(&mut values).filter(|(input, _)| input.varies()) {
                 input.values(points, count, value);
             }
-            self.call(count, points, inputs, &values, closures);
+            self.call((mode, count), points, inputs, &values, closures);
         } else {
-            self.call(count, points, inputs, &self.constants, closures);
+            self.call((mode, count), points, inputs, &self.constants, closures);
         }
         if let Some(field) = closures.mark_faults(mode, count, points) {
             let problem = format!(
@@ -208,7 +210,7 @@ fn vectors(from: &Vectors) -> *const HeliostatVectors {
     from_ref(from).cast()
 }
 
-fn points_table(points: &Points) -> HeliostatPoints {
+fn points_table(points: &Points, to_camera: &Vectors) -> HeliostatPoints {
     let [u, v] = &points.uv[0];
     HeliostatPoints {
         position: vectors(&points.position),
@@ -225,6 +227,7 @@ fn points_table(points: &Points) -> HeliostatPoints {
         width: from_ref(&points.width).cast(),
         distance: from_ref(&points.distance).cast(),
         level: from_ref(&points.level).cast(),
+        to_camera: vectors(to_camera),
     }
 }
 

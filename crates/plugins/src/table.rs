@@ -36,6 +36,8 @@ pub(crate) type Shade = unsafe extern "C" fn(
 #[derive(Debug)]
 pub(crate) struct Entry {
     pub(crate) library: Arc<Loaded>,
+    /// Of the interface that the plug-in was made for.
+    pub(crate) version: u32,
     pub(crate) info: ShaderInfo,
     pub(crate) create: Option<Create>,
     pub(crate) destroy: Option<Destroy>,
@@ -67,7 +69,7 @@ pub(crate) fn read(library: &Arc<Loaded>) -> Result<Vec<Entry>, PluginError> {
     let mut names = BTreeSet::new();
     let mut entries = Vec::new();
     for (index, shader) in shaders.iter().enumerate() {
-        let entry = read_shader(library, shader)
+        let entry = read_shader(library, table.abi_version, shader)
             .map_err(|problem| library.invalid(format!("shader {index}: {problem}")))?;
         if !names.insert(entry.info.name.clone()) {
             return Err(library.invalid(format!("it has two shaders `{}`", entry.info.name)));
@@ -77,7 +79,7 @@ pub(crate) fn read(library: &Arc<Loaded>) -> Result<Vec<Entry>, PluginError> {
     Ok(entries)
 }
 
-fn read_shader(library: &Arc<Loaded>, shader: &HeliostatShader) -> Result<Entry, String> {
+fn read_shader(library: &Arc<Loaded>, version: u32, shader: &HeliostatShader) -> Result<Entry, String> {
     let name = name(shader.name, "its name", true)?;
     let inside = |problem: String| format!("`{name}`: {problem}");
     let about = text(shader.about, "`about`", MAX_TEXT).map_err(inside)?;
@@ -97,7 +99,8 @@ fn read_shader(library: &Arc<Loaded>, shader: &HeliostatShader) -> Result<Entry,
     let lobes = lobes.fold(Lobes::NONE, |set, (_, lobe)| set.union(lobe));
     let see_through = shader.flags & HELIOSTAT_SEE_THROUGH != 0;
     let info = ShaderInfo { name, about, parameters, lobes, see_through };
-    Ok(Entry { library: library.clone(), info, create: shader.create, destroy: shader.destroy, shade })
+    let HeliostatShader { create, destroy, .. } = *shader;
+    Ok(Entry { library: library.clone(), version, info, create, destroy, shade })
 }
 
 fn read_parameters(shader: &HeliostatShader) -> Result<Vec<Parameter>, String> {

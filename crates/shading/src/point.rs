@@ -1,16 +1,19 @@
 //! From hits to points: interpolated attributes, normals and footprints, gathered into lanes.
 
+use fearless_simd::{Level, Simd};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Geometry, Mesh, Quadric};
 
 use crate::basis::Basis;
 use crate::camera::{Cone, Viewer};
-use crate::lanes::{Floats, Real, Vector, Vectors};
+use crate::lanes::{Floats, Packet, Real, Vector, Vectors};
 use crate::material::{Slot, SurfaceMaterial, TextureCoordinates};
+use crate::packet::on_lanes;
 use crate::placement::Placement;
 use crate::quadric::Spot;
 use crate::shader::Point;
+use crate::surface::LaneMode;
 
 /// Sixteen points of surfaces of one material, seen along rays: what surface shaders get. Lanes that hold no point hold
 /// whatever was there before.
@@ -132,6 +135,25 @@ impl Points {
         }
     }
 
+    /// Unit vectors towards the camera of the frame at the first `count` points; see [`Point::eye`].
+    pub fn eye(&self, mode: LaneMode, count: usize) -> Vectors {
+        let mut out = Vectors::default();
+        on_lanes!(mode, count, |token, lane| store_eye::<_>(token, lane, self, &mut out));
+        out
+    }
+
+    #[inline(always)]
+    fn eye_lanes<F: Real>(&self, token: F::Token, lane: usize) -> Vector<F> {
+        let wo = Vector::load(token, &self.wo, lane);
+        match self.viewer {
+            None => wo,
+            Some(Viewer::At(at)) => {
+                (Vector::constant(token, at) - Vector::load(token, &self.position, lane)).normalized_or(wo)
+            }
+            Some(Viewer::Towards(direction)) => Vector::constant(token, direction),
+        }
+    }
+
     /// Lanes from `lane` on as shaders see them.
     #[inline(always)]
     pub(crate) fn point<F: Real>(&self, token: F::Token, lane: usize) -> Point<F> {
@@ -143,18 +165,12 @@ impl Points {
         let z = Vector::<F>::load(token, z, lane);
         let tangent = Basis::from_normal(Vector::<F>::load(token, &self.normal, lane));
         let (a, b) = (tangent.x, tangent.y);
-        let position = Vector::load(token, &self.position, lane);
-        let eye = match self.viewer {
-            None => wo,
-            Some(Viewer::At(at)) => (Vector::constant(token, at) - position).normalized_or(wo),
-            Some(Viewer::Towards(direction)) => Vector::constant(token, direction),
-        };
         Point {
-            position,
+            position: Vector::load(token, &self.position, lane),
             object_position: Vector::load(token, &self.object_position, lane),
             ng,
             wo,
-            eye,
+            eye: self.eye_lanes::<F>(token, lane),
             front: ng.dot(wo).gt(ng.x.splat(0.0)),
             uv: [F::load(token, &self.uv[0][0], lane), F::load(token, &self.uv[0][1], lane)],
             width: F::load(token, &self.width, lane),
@@ -187,6 +203,11 @@ impl Points {
             },
         }
     }
+}
+
+#[inline(always)]
+fn store_eye<F: Real>(token: F::Token, lane: usize, points: &Points, out: &mut Vectors) {
+    points.eye_lanes::<F>(token, lane).store(out, lane);
 }
 
 /// Positions of three vertices at `time` in [0, 1] of the shutter interval, object space.
