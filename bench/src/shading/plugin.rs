@@ -18,34 +18,51 @@ use crate::result;
 const NAME: &str = "checker";
 
 pub(super) fn run(arguments: &Arguments) -> Result<Option<Value>, String> {
-    let Some(file) = compiled()? else { return Ok(None) };
-    let plugin = ShaderRef::Plugin { file, shader: NAME.into() };
-    let shaders = [None, Some(ShaderRef::Named(NAME.into())), Some(plugin)];
-    let setup = |(shader, lanes)| Setup::new(&edits(shader), lanes, request(arguments.size));
-    let [none, built_in, plugin] = shaders;
+    let (Some(baseline), Some(native)) = (compiled("baseline")?, compiled("native")?) else {
+        return Ok(None);
+    };
+    let files = [baseline.clone(), native.clone()];
+    let plugin = |file| Some(ShaderRef::Plugin { file, shader: NAME.into() });
+    let built_in = || Some(ShaderRef::Named(NAME.into()));
     let packets = LaneMode::default();
-    let kinds =
-        [(none, packets), (built_in.clone(), packets), (plugin, packets), (built_in, LaneMode::Single)];
+    let kinds = [
+        ("no shader", None, packets),
+        ("built in", built_in(), packets),
+        ("plug-in in C", plugin(baseline), packets),
+        ("for this machine", plugin(native), packets),
+        ("built in, one by one", built_in(), LaneMode::Single),
+    ];
+    let mut names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
+    let setup = |(_, shader, lanes)| Setup::new(&edits(shader), lanes, request(arguments.size));
     let mut setups = kinds.into_iter().map(setup).collect::<Result<Vec<_>, _>>()?;
     let times = measure(&mut setups, arguments.runs)?;
-    let names = ["no shader", "built in", "plug-in in C", "built in, one by one"];
-    let row: Vec<String> = times.iter().map(|&time| ms(time)).collect();
-    let overhead = times[2].milliseconds / times[1].milliseconds - 1.0;
-    let last = format!("{:+.1} %", 100.0 * overhead);
-    let columns = [&names[..], &["plug-in over built in"]].concat();
-    table("A floor of checkers, primary rays: milliseconds", &columns, &[[row, vec![last]].concat()]);
+    for file in files {
+        std::fs::remove_file(&file).map_err(|error| format!("cannot remove {}: {error}", file.display()))?;
+    }
+    let overhead = |which: usize| times[which].milliseconds / times[1].milliseconds - 1.0;
+    let overheads = [overhead(2), overhead(3)];
+    let [baseline, native] = overheads.map(|overhead| format!("{:+.1} %", 100.0 * overhead));
+    let mut row: Vec<String> = times.iter().map(|&time| ms(time)).collect();
+    row.push(format!("{baseline}, {native}"));
+    names.push("plug-ins over built in");
+    table("A floor of checkers, primary rays: milliseconds", &names, &[row]);
     let all: Vec<Value> = names.iter().zip(times).map(|(name, time)| value(name, time)).collect();
-    Ok(Some(json!({ "overhead": overhead, "times": all })))
+    Ok(Some(json!({ "overhead": overheads[0], "native_overhead": overheads[1], "times": all })))
 }
 
-/// The example in C as a library; `None`, with a note, if the machine has no compiler.
-fn compiled() -> Result<Option<PathBuf>, String> {
+/// The example in C as a library, for all machines of this kind (`baseline`) or for this one (`native`); `None`, with a note, if the
+/// machine has no compiler.
+fn compiled(target: &str) -> Result<Option<PathBuf>, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let library = std::env::temp_dir().join(format!("heliostat-bench-{}-{NAME}.so", std::process::id()));
+    let name = format!("heliostat-bench-{}-{NAME}-{target}.so", std::process::id());
+    let library = std::env::temp_dir().join(name);
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
     let options = ["-std=c11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off"];
     let mut command = Command::new(&compiler);
     command.current_dir(root).args(options).args(["-fPIC", "-shared", "-Iinclude"]);
+    if target == "native" {
+        command.arg("-march=native");
+    }
     command.arg("examples/shaders/c/checker.c").arg("-o").arg(&library).arg("-lm");
     match command.output() {
         Ok(output) if output.status.success() => Ok(Some(library)),
