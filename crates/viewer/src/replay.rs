@@ -10,8 +10,10 @@
 //! | `renderer`, `size`, `exposure`, `diffuse` | how it was looked at; no exposure lets the picture decide |
 //! | `surfaces`, `effects`, `tone` | shaders by `name` and `parameters`: one in place of all others on surfaces, pixel shaders in order, the tone curve; absent where the picture was as usual |
 //! | `clip` | the number of the clip that was played; absent for a scene at rest |
-//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or `equidistant` or `equisolid` (fisheye, radians over the height) or none of them (panorama); `lens` and `stereo` where the camera has them |
+//! | `keys` | views in order: `at` (seconds from the start), `time` (of the clip, seconds), `world_from_camera` (three columns, then the place), `vertical_fov` (radians) or `height` (metres, parallel) or `equidistant` or `equisolid` (fisheye, radians over the height) or none of them (panorama); `lens`, `stereo` and `shader` (`name` and `parameters`, in place of the projection) where the camera has them |
 //! | `changes` | in order: `at` (seconds; 0 is before the first picture) and the fields of a [`Change`] |
+
+use std::sync::Arc;
 
 use glam::{Affine3A, Mat3A, Quat};
 use heliostat_scene::{Camera, Edit, Lens, Projection, Scene, Stereo, StereoView};
@@ -96,6 +98,9 @@ pub struct Key {
     /// Two eyes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stereo: Option<KeyStereo>,
+    /// A camera shader in place of the projection.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shader: Option<Effect>,
 }
 
 /// A lens as in [`Lens`], metres.
@@ -179,6 +184,7 @@ impl Key {
             equisolid: None,
             lens: camera.lens.map(|Lens { radius, focus_distance }| KeyLens { radius, focus_distance }),
             stereo: camera.stereo.map(Into::into),
+            shader: camera.shader.as_deref().and_then(Effect::of),
         };
         match camera.projection {
             Projection::Perspective { vertical_fov } => key.vertical_fov = Some(vertical_fov),
@@ -200,7 +206,7 @@ impl Key {
         }
     }
 
-    /// The camera of this view; camera shaders are not written down.
+    /// The camera of this view.
     pub fn camera(&self) -> Camera {
         Camera {
             name: "replay".into(),
@@ -209,7 +215,7 @@ impl Key {
             projection: self.projection(),
             lens: self.lens.map(|KeyLens { radius, focus_distance }| Lens { radius, focus_distance }),
             stereo: self.stereo.map(Into::into),
-            shader: None,
+            shader: self.shader.as_ref().map(|shader| Arc::new(shader.shader())),
         }
     }
 
@@ -307,6 +313,9 @@ impl Replay {
         }
         if let Some(problem) = replay.keys.iter().find_map(|key| key.camera().problem()) {
             return refuse(format!("a view: {problem}"));
+        }
+        if let Some(problem) = replay.keys.iter().find_map(|key| key.shader.as_ref()?.problem()) {
+            return refuse(format!("a view's shader: {problem}"));
         }
         Ok(replay)
     }
@@ -425,7 +434,7 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
-    use heliostat_scene::InstanceId;
+    use heliostat_scene::{InstanceId, ShaderUse};
 
     use super::*;
 
@@ -547,6 +556,14 @@ mod tests {
             read.view(0.0).expect("a view").0,
             Camera { name: "replay".into(), ..camera(2.0, f32::INFINITY) }
         );
+        let ripples = ShaderUse::named("ripples").with("count", 3.0).with("axis", Vec3::X);
+        let shaded = Camera { shader: Some(Arc::new(ripples)), ..camera(2.0, 3.0) };
+        replay.keys = vec![Key::new(0.0, 0.0, &shaded), Key::new(1.0, 0.0, &shaded)];
+        let read = Replay::from_json(&replay.to_json()).expect("valid");
+        assert_eq!(read.view(0.5).expect("a view").0.shader, shaded.shader);
+        replay.keys[1].shader = Some(Effect::named("x".repeat(1000)));
+        assert!(Replay::from_json(&replay.to_json()).is_err());
+        replay.keys[1].shader = None;
         replay.keys[0].lens = Some(KeyLens { radius: -1.0, focus_distance: 1.0 });
         assert!(Replay::from_json(&replay.to_json()).is_err());
     }
