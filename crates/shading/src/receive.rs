@@ -58,19 +58,13 @@ pub struct PointLight {
     pub radiance: Vec3,
     /// What of that arrives on a surface that faces it: cos / distance² for patches, 1/m².
     pub facing: f32,
-    /// How far shadow rays go, metres.
-    pub distance: f32,
-    /// Whether the source is a patch, which stands for an area that may be near.
-    pub is_near: bool,
 }
 
 impl Source {
     /// Light at one point.
     pub fn light(&self, at: Vec3) -> PointLight {
         let (wi, (radiance, facing)) = arriving::<f32>((), self, at.into());
-        let distance = self.origin().map_or(f32::INFINITY, |origin| origin.distance(at) * (1.0 - 1e-4));
-        let is_near = matches!(self, Self::Patch { .. });
-        PointLight { wi: wi.into(), radiance: radiance.into(), facing, distance, is_near }
+        PointLight { wi: wi.into(), radiance: radiance.into(), facing }
     }
 
     /// Whether it sends a flux of light into the scene: lights that shine alike at any distance have none.

@@ -14,6 +14,7 @@ mod mis;
 mod path;
 mod region;
 mod shadow;
+mod wave;
 
 pub use igi::{Fragment, Gathered, History, IgiFrame, IgiSettings, Light, Lit, Remembered};
 pub use region::{FirstHit, PixelSum, Region, Settings, View};

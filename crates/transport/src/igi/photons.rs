@@ -14,12 +14,13 @@ use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
 use heliostat_shading::sampling::{Discrete, concentric_disk};
-use heliostat_shading::{Cone, Reflector, Sampler, Source, Surface};
+use heliostat_shading::{Reflector, Sampler, Source, Surface};
 use rayon::prelude::*;
 
 use super::vpl::{Vpl, VplSets};
 use crate::eye::{DULL, MIRROR_ALPHA, MIRRORS};
 use crate::region::View;
+use crate::wave::WaveShader;
 
 /// Surfaces that a photon may pass straight through or be sent on by.
 const MAX_EDGES: u32 = 16;
@@ -55,6 +56,7 @@ pub(super) struct PhotonPlan {
 }
 
 /// A photon on its way.
+#[derive(Clone)]
 struct Flight {
     sampler: Sampler,
     ray: Ray,
@@ -96,16 +98,21 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
         let end = plan.count.min((chunk + 1) * CHUNK);
         let mut flights: Vec<Flight> = (chunk * CHUNK..end).filter_map(launch).collect();
         let (mut photons, mut hits, mut rays_traced) = (Vec::new(), Vec::new(), 0);
+        let mut shader = WaveShader::default();
         while !flights.is_empty() {
             let rays: Vec<Ray> = flights.iter().map(|flight| flight.ray).collect();
             hits.clear();
             hits.resize(rays.len(), Hit::MISS);
             view.query.intersect(&rays, &mut hits);
             rays_traced += rays.len() as u64;
-            let arrived = flights.into_iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
-            flights = arrived
-                .filter_map(|(flight, hit)| land(view, plan, &sources, flight, hit, &mut photons))
-                .collect();
+            let mut sent_on = Vec::new();
+            shader.shade(view.scene, (&rays, &hits), |indices, surfaces| {
+                for (lane, &index) in indices.iter().enumerate() {
+                    let (flight, hit) = (flights[index as usize].clone(), &hits[index as usize]);
+                    sent_on.extend(land(plan, &sources, flight, (hit, &surfaces.lane(lane)), &mut photons));
+                }
+            });
+            flights = sent_on;
         }
         (photons, rays_traced)
     };
@@ -148,15 +155,13 @@ fn aimed(source: &Source, reflector: &Reflector, u: Vec2, extent: f32) -> Option
 }
 
 /// A photon at the end of its ray: it is left there if the surface is dull, and sent on if it is sharp.
-fn land<Q: RayQuery + ?Sized>(
-    view: &View<'_, Q>,
+fn land(
     plan: &PhotonPlan,
     sources: &[&Vpl],
     mut flight: Flight,
-    hit: &Hit,
+    (hit, surface): (&Hit, &Surface<f32>),
     photons: &mut Vec<Photon>,
 ) -> Option<Flight> {
-    let surface = view.scene.surface(hit, &flight.ray, Cone::default());
     flight.flux *= (-Vec3::from(surface.absorption) * hit.t).exp();
     flight.steps += 1;
     let [u_lobe, u_end, u, v] = flight.sampler.set(flight.steps);
@@ -177,7 +182,7 @@ fn land<Q: RayQuery + ?Sized>(
                 return None;
             }
         }
-        None => leave(&surface, &flight, photons),
+        None => leave(surface, &flight, photons),
     }
     flight.edges += 1;
     if flight.edges >= plan.max_edges || flight.steps >= MAX_EDGES {

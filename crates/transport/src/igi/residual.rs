@@ -12,14 +12,15 @@
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Floats, Vectors};
+use heliostat_shading::lanes::{Floats, Vector, Vectors};
 use heliostat_shading::sampling::cosine_hemisphere;
-use heliostat_shading::{Basis, Cone, Lobes, Scattered, Selection, Surface};
+use heliostat_shading::{Basis, Lobes, Received, Scattered, Selection, Surfaces, Taking};
 
 use super::gather::Block;
 use super::vpl::Vpl;
 use crate::region::View;
 use crate::shadow::{PendingLight, ShadowBatch};
+use crate::wave::WaveShader;
 
 /// Virtual point lights that are compared at a surface.
 const MOST_COMPARED: usize = 8;
@@ -39,30 +40,13 @@ struct For {
     normal: Vec3,
 }
 
-/// The surface that a short ray has met if anything is missing of its light, and what rays from there are for.
-fn arrive<Q: ?Sized>(
-    view: &View<'_, Q>,
-    bound: f32,
-    (ray, hit): (&Ray, &Hit),
-    of: &For,
-) -> Option<(Surface<f32>, For)> {
+/// The share of its light that a short ray gives back; at most 0 where nothing was taken away.
+fn missing(bound: f32, ray: &Ray, hit: &Hit, of: &For) -> f32 {
     if !hit.is_hit() {
-        return None;
+        return 0.0;
     }
     let cosines = of.normal.dot(ray.direction) * hit.ng.dot(ray.direction).abs();
-    let missing = 1.0 - bound * hit.t * hit.t / cosines;
-    if missing.is_nan() || missing <= 0.0 {
-        return None;
-    }
-    let surface = view.scene.surface(hit, ray, Cone::default());
-    let albedo = Vec3::from(surface.bsdf.albedo_of(Selection::ALL));
-    let of = For {
-        factor: of.factor * albedo * missing,
-        edges: of.edges + 1,
-        normal: surface.bsdf.normal().into(),
-        ..*of
-    };
-    Some((surface, of))
+    1.0 - bound * hit.t * hit.t / cosines
 }
 
 /// Scratch space of the estimate.
@@ -75,8 +59,9 @@ pub(super) struct Residual {
     hits: Vec<Hit>,
     /// Block and lane that each shadow ray is for.
     lit: Vec<(u32, u32)>,
-    /// Running sum of weights, direction, distance and radiance over weight of each light at a surface.
-    lights: Vec<(f32, Vec3, f32, Vec3)>,
+    shader: WaveShader,
+    compared: Compared,
+    albedo: Vectors,
     shadows: ShadowBatch,
 }
 
@@ -107,18 +92,8 @@ impl Residual {
             self.hits.resize(self.rays.len(), Hit::MISS);
             view.query.intersect(&self.rays, &mut self.hits);
             traced += self.rays.len() as u64;
-            let (rays, of) = (std::mem::take(&mut self.rays), std::mem::take(&mut self.of));
-            for (index, (ray, of)) in rays.iter().zip(&of).enumerate() {
-                let Some((surface, of)) = arrive(view, bound, (ray, &self.hits[index]), of) else { continue };
-                self.light((vpls, bound), &surface, &of, (u_light, max_edges));
-                if let Some(&[_, u, v, _]) = points.get(level + 1) {
-                    let up = cosine_hemisphere([u, v]);
-                    let wi = Basis::from_normal(surface.bsdf.normal()).to_world(up);
-                    let ray = Ray::new(surface.spawn(wi).into(), wi.into());
-                    self.rays.push(Ray { t_max: reach, ..ray });
-                    self.of.push(of);
-                }
-            }
+            let next = points.get(level + 1).map(|&[_, u, v, _]| cosine_hemisphere([u, v]));
+            self.follow(view, (vpls, bound, max_edges), u_light, next, reach);
         }
         let lit = &self.lit;
         self.shadows.trace(view.query, view.scene, |light| {
@@ -129,58 +104,54 @@ impl Residual {
         traced
     }
 
-    /// Asks for the light of a virtual point light on a surface that a short ray has met.
-    fn light(
+    /// Asks for the light of the surfaces that the short rays have met, where any was taken away, and replaces the rays by the
+    /// `next`, in this direction about each surface's normal.
+    fn follow<Q: RayQuery + ?Sized>(
         &mut self,
-        (vpls, bound): (&[Vpl], f32),
-        surface: &Surface<f32>,
-        of: &For,
-        (u_light, max_edges): (f32, u32),
+        view: &View<'_, Q>,
+        (vpls, bound, max_edges): (&[Vpl], f32, u32),
+        u_light: f32,
+        next: Option<Vector<f32>>,
+        reach: f32,
     ) {
-        let most_bounces = max_edges.saturating_sub(of.edges);
-        if let Some((wi, distance, radiance)) = self.choose((vpls, most_bounces), bound, surface, u_light) {
-            let shadow = Ray { t_max: distance, ..Ray::new(surface.spawn(wi.into()).into(), wi) };
-            let light = PendingLight { pixel: self.lit.len() as u32, radiance: radiance * of.factor };
-            self.shadows.push(shadow, light);
-            self.lit.push((of.block, of.lane));
-        }
-    }
-
-    /// Chooses a virtual point light in proportion to what it would add at a surface if nothing stood between, among some that
-    /// chance has taken: direction, distance and irradiance over π, over the probability of the choice. Only those of less than
-    /// so many bounces are.
-    fn choose(
-        &mut self,
-        (vpls, most_bounces): (&[Vpl], u32),
-        bound: f32,
-        surface: &Surface<f32>,
-        u: f32,
-    ) -> Option<(Vec3, f32, Vec3)> {
-        let at = surface.position.into();
-        let (normal, ng) = (Vec3::from(surface.bsdf.normal()), Vec3::from(surface.ng()));
-        self.lights.clear();
-        // Every so many of them, from one that chance says; what is left of the number chooses among these.
-        let step = vpls.len().div_ceil(MOST_COMPARED).max(1);
-        let place = u * step as f32;
-        let first = (place as usize).min(step - 1);
-        let u = (place - first as f32).min(1.0 - f32::EPSILON);
-        let mut total = 0.0;
-        let some = vpls.iter().skip(first).step_by(step);
-        for vpl in some.filter(|vpl| vpl.bounces < most_bounces) {
-            let light = vpl.source.light(at);
-            let cos = if ng.dot(light.wi) > 0.0 { normal.dot(light.wi).max(0.0) } else { 0.0 };
-            let term = light.facing * cos;
-            let term = if light.is_near && vpl.bounces > 0 { term.min(bound) } else { term };
-            let radiance = light.radiance * (term * std::f32::consts::FRAC_1_PI);
-            let weight = luminance(radiance);
-            if weight > 0.0 && weight.is_finite() {
-                total += weight;
-                self.lights.push((total, light.wi, light.distance, radiance / weight));
+        let (rays, mut of) = (std::mem::take(&mut self.rays), std::mem::take(&mut self.of));
+        for ((ray, hit), of) in rays.iter().zip(&mut self.hits).zip(&mut of) {
+            let missing = missing(bound, ray, hit, of);
+            if missing > 0.0 {
+                of.factor *= missing;
+                of.edges += 1;
+            } else {
+                *hit = Hit::MISS;
             }
         }
-        let chosen = self.lights.partition_point(|light| light.0 <= u * total);
-        let &(_, wi, distance, color) = self.lights.get(chosen)?;
-        Some((wi, distance, color * (total * step as f32)))
+        let Self { shader, compared, albedo, rays: next_rays, of: next_of, lit, shadows, .. } = self;
+        shader.shade(view.scene, (&rays, &self.hits), |indices, surfaces| {
+            let count = indices.len();
+            surfaces.albedo_of(Selection::ALL, count, albedo);
+            compared.fill((vpls, bound), (surfaces, count), u_light);
+            for (lane, &index) in indices.iter().enumerate() {
+                let before = &of[index as usize];
+                let normal = surfaces.normal(lane);
+                let of = For { factor: before.factor * albedo.get(lane), normal, ..*before };
+                let most_bounces = max_edges.saturating_sub(of.edges);
+                if let Some((light, wi, radiance)) = compared.choose(vpls, lane, most_bounces) {
+                    let far = |origin: Vec3| origin.distance(surfaces.position(lane)) * (1.0 - 1e-4);
+                    let distance = light.source.origin().map_or(f32::INFINITY, far);
+                    let shadow = Ray { t_max: distance, ..Ray::new(surfaces.origin(lane, wi), wi) };
+                    shadows.push(
+                        shadow,
+                        PendingLight { pixel: lit.len() as u32, radiance: radiance * of.factor },
+                    );
+                    lit.push((of.block, of.lane));
+                }
+                if let Some(up) = next {
+                    let wi = Vec3::from(Basis::from_normal(normal.into()).to_world(up));
+                    let ray = Ray::new(surfaces.origin(lane, wi), wi);
+                    next_rays.push(Ray { t_max: reach, ..ray });
+                    next_of.push(of);
+                }
+            }
+        });
     }
 
     /// A short ray for every lane that scatters diffusely, or for a share of them. Each counts `times`.
@@ -209,5 +180,61 @@ impl Residual {
                 }
             }
         }
+    }
+}
+
+/// Some virtual point lights compared at the surfaces of a packet.
+#[derive(Debug, Default)]
+struct Compared {
+    /// Every so many of all, from one that chance says.
+    first: usize,
+    step: usize,
+    /// Chooses among these.
+    u: f32,
+    received: Vec<Received>,
+}
+
+impl Compared {
+    /// What some of `vpls`, which chance takes, would add at the surfaces if nothing stood between.
+    fn fill(&mut self, (vpls, bound): (&[Vpl], f32), (surfaces, count): (&Surfaces, usize), u: f32) {
+        self.step = vpls.len().div_ceil(MOST_COMPARED).max(1);
+        let place = u * self.step as f32;
+        self.first = (place as usize).min(self.step - 1);
+        // What is left of the number.
+        self.u = (place - self.first as f32).min(1.0 - f32::EPSILON);
+        let some = vpls.iter().skip(self.first).step_by(self.step);
+        self.received.resize_with(some.len(), Received::default);
+        for (vpl, received) in some.zip(&mut self.received) {
+            let bound = if vpl.bounces > 0 { bound } else { f32::INFINITY };
+            let taking = Taking { bound, gloss: Selection::ALL.among(Lobes::NONE) };
+            surfaces.receive(&vpl.source, &taking, count, received);
+        }
+    }
+
+    /// Chooses one of them for a lane in proportion to what it would add: the light, the direction to it, and irradiance over π
+    /// over the probability of the choice. Only those of less than so many bounces are.
+    fn choose<'a>(&self, vpls: &'a [Vpl], lane: usize, most_bounces: u32) -> Option<(&'a Vpl, Vec3, Vec3)> {
+        let weight = |(vpl, received): (&Vpl, &Received)| {
+            let weight = luminance(received.irradiance.get(lane));
+            if vpl.bounces < most_bounces && weight.is_finite() { weight } else { 0.0 }
+        };
+        let some = || vpls.iter().skip(self.first).step_by(self.step).zip(&self.received);
+        let total: f32 = some().map(weight).sum();
+        let mut rest = self.u * total;
+        let mut chosen = None;
+        // Rounding may leave the last one open.
+        for (vpl, received) in some() {
+            let weight = weight((vpl, received));
+            if weight > 0.0 {
+                chosen = Some((vpl, received, weight));
+                if rest < weight {
+                    break;
+                }
+                rest -= weight;
+            }
+        }
+        let (vpl, received, weight) = chosen?;
+        let scale = total * self.step as f32 / weight;
+        Some((vpl, received.wi.get(lane), received.irradiance.get(lane) * scale))
     }
 }
