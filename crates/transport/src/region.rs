@@ -256,12 +256,12 @@ fn camera_rays<Q: ?Sized, W: Walk>(
             (points.lens[0].0[lane], points.lens[1].0[lane]) = (u_lens.x, u_lens.y);
         }
         view.camera.rays(view.scene.lane_mode(), &points, pixels.len(), &mut rays);
-        for (lane, &sampler) in own[..pixels.len()].iter().enumerate() {
+        let (first, cone) = (started.len() as u32, view.camera.cone());
+        started.extend(own[..pixels.len()].iter().enumerate().map(|(lane, &sampler)| {
             let ray = Ray::new(rays.origin.get(lane), rays.direction.get(lane));
-            let (pixel, cone) = (started.len() as u32, view.camera.cone());
             let ray = ray.at_time(points.time.0[lane]);
-            started.push(W::start(&CameraSample { pixel, sampler, ray, cone }));
-        }
+            W::start(&CameraSample { pixel: first + lane as u32, sampler, ray, cone })
+        }));
     }
     started
 }

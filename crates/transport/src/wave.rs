@@ -22,12 +22,8 @@ impl WaveShader {
     ) {
         let Self { sorter, scratch, surfaces } = self;
         sorter.sort(scene, hits);
-        let arrival = |index: usize| Arrival {
-            hit: &hits[index],
-            ray: &rays[index],
-            cone: Cone::default(),
-            level: 1,
-        };
+        let arrival =
+            |index: usize| Arrival { hit: &hits[index], ray: &rays[index], cone: Cone::default(), level: 1 };
         for packet in sorter.packets() {
             scene.shade(&packet, arrival, scratch, surfaces);
             deliver(packet.hits, surfaces);
