@@ -490,7 +490,7 @@ mod tests {
     #[test]
     fn foreign_lights_are_told_once_and_whole() {
         use heliostat_scene::{Image, Light, LightId, LightKind};
-        let image = std::sync::Arc::new(Image::rgba8(1, 1, vec![9, 200, 30, 255]));
+        let image = Arc::new(Image::rgba8(1, 1, vec![9, 200, 30, 255]));
         let beam = |x: f32| LightKind::Projector {
             position: Vec3::X * x,
             world_from_light: glam::Mat3::IDENTITY,
