@@ -87,7 +87,9 @@ impl MipMap {
         let shrink = (-level + 127.0).truncate().left(23).as_real_bits();
         let x = Axis::new(u, self.size.x, shrink, self.wrap[0], middle);
         let y = Axis::new(v, self.size.y, shrink, self.wrap[1], middle);
-        let width = (x.last + 2.0).truncate();
+        // Widths may be beyond the whole numbers that floats hold.
+        let last = x.last.truncate();
+        let width = last.plus(last.splat(2));
         let upper = self.start(level).plus(y.near.truncate().times(width)).plus(x.near.truncate());
         let token = level.token();
         let [a, b] = self.pair::<F>(token, upper);
