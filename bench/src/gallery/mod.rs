@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "docs")]
     docs: PathBuf,
     /// Samples per pixel
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 256)]
     spp: u32,
     /// Render these shaders alone; all by default
     names: Vec<String>,
