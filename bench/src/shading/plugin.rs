@@ -50,8 +50,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Option<Value>, String> {
     Ok(Some(json!({ "overhead": overheads[0], "native_overhead": overheads[1], "times": all })))
 }
 
-/// The example in C as a library, for all machines of this kind (`baseline`) or for this one (`native`); `None`, with a note, if the
-/// machine has no compiler.
+/// The example in C as a library, for all machines of this kind (`baseline`) or for this one (`native`); `None`, with a note,
+/// if the machine has no compiler.
 fn compiled(target: &str) -> Result<Option<PathBuf>, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let name = format!("heliostat-bench-{}-{NAME}-{target}.so", std::process::id());

@@ -74,7 +74,8 @@ impl Loaded {
         if !(OLDEST_VERSION..=HELIOSTAT_ABI_VERSION).contains(&found) {
             return Err(PluginError::Version { file: self.file.clone(), found: Some(found) });
         }
-        // SAFETY: all versions that this engine speaks have the same table, and it stays as it is while the library is loaded: as long as `self` is there.
+        // SAFETY: all versions that this engine speaks have the same table, and it stays as it is while the library is loaded:
+        // as long as `self` is there.
         Ok(unsafe { &*table })
     }
 

@@ -135,7 +135,7 @@ impl Surfaces {
         self.present.emission || self.present.ambient
     }
 
-    /// Whether what any lane lets pass straight through, or what absorbs light before it, changes its ray.
+    /// Whether any lane lets light pass straight through, or is seen through something that absorbs.
     #[inline]
     pub fn filters(&self) -> bool {
         self.present.through || self.present.absorption

@@ -343,7 +343,8 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         if surfaces.lobes().is_empty() { 0 } else { count }
     }
 
-    /// What is absorbed before a lane's surface and passes straight through it: sends that on. Whether anything meets the surface.
+    /// Takes away what is absorbed before a lane's surface and sends on what passes straight through it. Whether anything is left
+    /// that meets the surface.
     fn filter(&mut self, ray: &mut WeightedRay, hit: &Hit, surfaces: &Surfaces, lane: usize) -> bool {
         let absorption = surfaces.absorption(lane);
         if absorption != Vec3::ZERO {

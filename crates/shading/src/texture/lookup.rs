@@ -126,7 +126,7 @@ impl MipMap {
                 self.decoded([near, far])
             }
             Texels::Values(values) => {
-                let mut pair = [[at.to_real(); 4]; 2];
+                let mut pair = [[F::constant(token, 0.0); 4]; 2];
                 for (next, texel) in pair.iter_mut().enumerate() {
                     for (channel, value) in texel.iter_mut().enumerate() {
                         *value = F::gather(token, 0, |lane| values[index(lane) + next][channel]);
