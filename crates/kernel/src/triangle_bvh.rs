@@ -8,19 +8,16 @@ use rayon::prelude::*;
 use crate::{
     aabb::Aabb,
     build::{
-        self, BuildOptions, Builder, Layout, Refit, RefitPolicy, TreeStats,
-        binary::LeafRule,
-        binned,
+        self, Arranged, BuildOptions, Layout, Refit, RefitPolicy, TreeStats,
         boxes::PackedBox,
-        morton,
         refit::{self, BlockLeaves},
-        repair, spatial, triangles,
+        repair, triangles,
         watch::{BuildProgress, Watch},
-        wide::{self, WideTree},
+        wide::WideTree,
     },
     compact::{BlockSource, Blocks, CompactBlock, CompactBlocks, MovingBlocks},
     error::BuildError,
-    layout::{Block, LEAF_TRIANGLES, Node, WIDTH},
+    layout::{Block, Node, WIDTH},
     mesh::Mesh,
 };
 
@@ -92,46 +89,15 @@ impl TriangleBvh {
             still(meshes)?;
         }
         watch.stage(60);
-        let mut prims = triangles::boxes(meshes, &mesh_starts, &watch);
+        let prims = triangles::boxes(meshes, &mesh_starts, &watch);
         watch.check()?;
         if prims.is_empty() {
             return Ok(Self { mesh_starts, ..Self::default() });
         }
-        let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
         watch.stage(800);
         let triangles = prims.len();
-        let mut leaf_rule = rule;
-        let mut block_list = None;
-        let binary = match options.builder {
-            // A triangle that moves has no parts that stay on either side of a plane.
-            Builder::SpatialSah if closing.is_some() => {
-                binned::build(level, &mut prims, rule, options, &watch)
-            }
-            Builder::BinnedSah => binned::build(level, &mut prims, rule, options, &watch),
-            Builder::Morton => {
-                let (binary, list) = morton::build(level, &mut prims, options, &watch);
-                (leaf_rule, block_list) = (morton::RULE, Some(list));
-                binary
-            }
-            Builder::SpatialSah => {
-                let budget = (triangles as f32 * options.spatial_budget.clamp(0.0, 4.0)) as usize;
-                let corners = |id| triangles::corners(meshes, &mesh_starts, id);
-                spatial::build(level, &mut prims, budget, &corners, rule, options, &watch)
-            }
-        };
-        watch.check()?;
-        // From here on the order alone counts; the memory of the boxes will serve for nodes and blocks.
-        let order = triangles::order(prims);
-        let bounds = Aabb::new(binary.nodes[0].bounds().lo(), binary.nodes[0].bounds().hi());
-        watch.stage(850);
-        let (tree, ranges) = wide::collapse(level, &binary, leaf_rule, options.intersection_cost, &watch);
-        watch.check()?;
-        drop(binary);
-        let ranges = match block_list {
-            Some(list) => ranges.iter().map(|&(block, _)| list[block as usize]).collect(),
-            None => ranges,
-        };
-        let numbers = triangles::numbers(&order, &ranges);
+        let Arranged { tree, bounds, numbers } =
+            build::arrange(level, meshes, &mesh_starts, prims, options, &watch)?;
         watch.stage(1000);
         let mut bvh = Self {
             block_cost: options.intersection_cost,
@@ -145,9 +111,9 @@ impl TriangleBvh {
         };
         match options.layout {
             Layout::Full => {
-                bvh.blocks = triangles::blocks(meshes, &bvh.mesh_starts, &numbers, &watch);
+                bvh.blocks = triangles::blocks(level, meshes, &bvh.mesh_starts, &numbers, &watch);
                 if let Some(closing) = closing {
-                    bvh.closing = triangles::blocks(&closing, &bvh.mesh_starts, &numbers, &watch);
+                    bvh.closing = triangles::blocks(level, &closing, &bvh.mesh_starts, &numbers, &watch);
                 }
             }
             Layout::Compact => {

@@ -178,3 +178,21 @@ fn spatial_splits_pay_for_long_triangles_and_keep_to_their_budget() {
     let none = BuildOptions { spatial_budget: 0.0, ..BuildOptions::quality() };
     assert_eq!(build_by(&meshes, &none).stats(), plain);
 }
+
+#[test]
+fn fast_trees_cost_little_more_than_default_ones() {
+    let mut rng = Rng::new(45);
+    let dust = soup(&mut rng, 20_000, 10.0, 0.1, Vec3::ZERO);
+    // Like the leaves of a palm: long, crossing, many in one place.
+    let mut fan = || {
+        let center = rng.vec() * 10.0;
+        soup(&mut rng, 100, 0.5, 4.0, center)
+    };
+    let leaves: Vec<Mesh> = (0..40).map(|_| fan()).collect();
+    let boards = boards_over_dust(&mut rng).to_vec();
+    for (meshes, most) in [(vec![dust], 1.25), (leaves, 1.25), (boards, 1.25)] {
+        let [fast, default] = [BuildOptions::fast(), BuildOptions::default()]
+            .map(|options| build_by(&meshes, &options).stats());
+        assert!(fast.sah < most * default.sah, "{} against {}", fast.sah, default.sah);
+    }
+}

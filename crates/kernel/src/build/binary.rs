@@ -1,5 +1,6 @@
 //! The binary tree between builders and the collapse.
 use super::boxes::PackedBox;
+use crate::aabb::Aabb;
 
 /// A node of the binary tree, 32 B. Two siblings share a cache line.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +71,14 @@ pub(crate) struct BinaryTree {
     /// Where runs of nodes begin, and the number of nodes. The first run is the top; from its nodes one gets into the
     /// others, whose nodes have children in the same run alone. Children always come behind their parents.
     pub runs: Vec<u32>,
+}
+
+impl BinaryTree {
+    /// The box around everything.
+    pub(crate) fn bounds(&self) -> Aabb {
+        let root = self.nodes[0].bounds();
+        Aabb::new(root.lo(), root.hi())
+    }
 }
 
 /// A tree in the making: the nodes near the root, and the subtrees that tasks built.

@@ -13,10 +13,10 @@ use super::{
     watch::Watch,
 };
 
-/// Below this many primitives a subtree is one task.
-pub(super) const TASK: usize = 4096;
+/// Primitives per task where nothing else is said.
+const TASK: usize = 4096;
 /// Levels of a task that count as work: what progress is weighted by.
-pub(super) const TASK_LEVELS: u64 = 10;
+pub(super) const TASK_LEVELS: u64 = 8;
 /// From this many primitives on, the passes over one node are spread over threads, in parts of at least this size.
 const PARALLEL: usize = 1 << 16;
 /// From this depth on ranges are halved by count, so that no input makes the tree deeper than about 64.
@@ -32,16 +32,17 @@ pub(crate) fn build(
     options: &BuildOptions,
     watch: &Watch<'_>,
 ) -> BinaryTree {
-    watch.expect(work(prims.len()));
-    let builder = Builder { level, rule, options: *options, watch };
-    let whole = builder.whole(prims);
-    builder.top(prims, whole).assemble()
+    Builder::new(level, prims.len(), rule, options, watch).build(prims)
 }
 
-/// Expected work of a build in primitives times levels.
-pub(super) fn work(count: usize) -> u64 {
-    let top_levels = (count / TASK + 1).ilog2() + 1;
-    (u64::from(top_levels) + TASK_LEVELS) * count as u64
+/// Bounds of all primitives and of their doubled centres.
+pub(super) fn bounds(level: Level, prims: &[PackedBox], watch: &Watch<'_>) -> (PackedBox, PackedBox) {
+    let both = |a: (PackedBox, PackedBox), b: (PackedBox, PackedBox)| (a.0.union(&b.0), a.1.union(&b.1));
+    let empty = || (PackedBox::EMPTY, PackedBox::EMPTY);
+    let of = |chunk| {
+        if watch.stopped() { empty() } else { dispatch!(level, simd => bounds_of(simd, chunk)) }
+    };
+    prims.par_chunks(TASK).map(of).reduce(empty, both)
 }
 
 /// A subtree to build.
@@ -67,29 +68,78 @@ pub(super) struct Split {
     pub cost: f32,
 }
 
-pub(super) struct Builder<'a> {
+/// What takes the place of leaves.
+pub(super) trait Bottom: Sync {
+    /// Puts what stands for a leaf into `nodes[place]`, and what is below it behind the last node.
+    fn add<S: Simd>(
+        &self,
+        simd: S,
+        prims: &[PackedBox],
+        leaf: &Range,
+        nodes: &mut Vec<BinaryNode>,
+        place: usize,
+    );
+}
+
+/// Leaves as they are.
+pub(super) struct Leaves;
+
+impl Bottom for Leaves {
+    #[inline(always)]
+    fn add<S: Simd>(&self, _: S, _: &[PackedBox], leaf: &Range, nodes: &mut Vec<BinaryNode>, place: usize) {
+        let content = Content::Leaf { begin: leaf.begin, count: leaf.count };
+        nodes[place] = BinaryNode::new(&leaf.bounds, content);
+    }
+}
+
+pub(super) struct Builder<'a, B = Leaves> {
     pub level: Level,
     pub rule: LeafRule,
     pub options: BuildOptions,
     pub watch: &'a Watch<'a>,
+    /// Up to so many primitives a subtree is one task.
+    pub task: usize,
+    pub bottom: B,
 }
 
-impl Builder<'_> {
-    /// The range of all primitives.
-    pub(super) fn whole(&self, prims: &[PackedBox]) -> Range {
-        let (bounds, centers) = self.bounds(prims);
-        Range { begin: 0, count: prims.len() as u32, depth: 0, bounds, centers }
+impl<'a> Builder<'a> {
+    /// Of so many primitives.
+    pub(super) fn new(
+        level: Level,
+        count: usize,
+        rule: LeafRule,
+        options: &BuildOptions,
+        watch: &'a Watch<'a>,
+    ) -> Self {
+        let task = (count / 64).clamp(TASK / 32, TASK);
+        Self { level, rule, options: *options, watch, task, bottom: Leaves }
     }
 
-    /// Bounds of all primitives and of their doubled centres.
-    fn bounds(&self, prims: &[PackedBox]) -> (PackedBox, PackedBox) {
-        let both = |a: (PackedBox, PackedBox), b: (PackedBox, PackedBox)| (a.0.union(&b.0), a.1.union(&b.1));
-        let empty = || (PackedBox::EMPTY, PackedBox::EMPTY);
-        let chunks = prims.par_chunks(TASK);
-        let of = |chunk| {
-            if self.watch.stopped() { empty() } else { dispatch!(self.level, simd => bounds_of(simd, chunk)) }
-        };
-        chunks.map(of).reduce(empty, both)
+    /// With something else in place of leaves.
+    pub(super) fn over<B: Bottom>(self, bottom: B) -> Builder<'a, B> {
+        let Self { level, rule, options, watch, task, .. } = self;
+        Builder { level, rule, options, watch, task, bottom }
+    }
+}
+
+impl<B: Bottom> Builder<'_, B> {
+    /// See [`build`].
+    pub(super) fn build(&self, prims: &mut [PackedBox]) -> BinaryTree {
+        self.watch.expect(self.work(prims.len()));
+        let whole = self.whole(prims);
+        self.top(prims, whole).assemble()
+    }
+
+    /// Expected work in primitives times levels.
+    pub(super) fn work(&self, count: usize) -> u64 {
+        let top_levels = (count / self.task + 1).ilog2() + 1;
+        (u64::from(top_levels) + TASK_LEVELS) * count as u64
+    }
+
+    /// The range of all primitives.
+    pub(super) fn whole(&self, prims: &[PackedBox]) -> Range {
+        let (bounds, centers) = bounds(self.level, prims, self.watch);
+        Range { begin: 0, count: prims.len() as u32, depth: 0, bounds, centers }
     }
 
     /// A range of any size.
@@ -97,7 +147,7 @@ impl Builder<'_> {
         if self.watch.stopped() {
             return Piece::task(vec![BinaryNode::PAD; 2]);
         }
-        if prims.len() <= TASK {
+        if prims.len() <= self.task {
             let mut nodes = Vec::with_capacity(prims.len() / 2 + 2);
             nodes.extend([BinaryNode::PAD; 2]);
             self.grow(prims, range, &mut nodes, 0);
@@ -119,7 +169,35 @@ impl Builder<'_> {
         nodes: &mut Vec<BinaryNode>,
         place: usize,
     ) {
-        dispatch!(self.level, simd => grow(simd, prims, range, self.rule, &self.options, nodes, place));
+        dispatch!(self.level, simd => self.grow_by(simd, prims, range, nodes, place));
+    }
+
+    #[inline(always)]
+    fn grow_by<S: Simd>(
+        &self,
+        simd: S,
+        prims: &mut [PackedBox],
+        range: Range,
+        nodes: &mut Vec<BinaryNode>,
+        place: usize,
+    ) {
+        let mut bins = Bins::empty();
+        let mut open = vec![(place, range)];
+        let first = range.begin;
+        while let Some((place, range)) = open.pop() {
+            let begin = (range.begin - first) as usize;
+            let prims = &mut prims[begin..begin + range.count as usize];
+            let Some([left, right]) = divide_small(simd, prims, &range, self.rule, &self.options, &mut bins)
+            else {
+                self.bottom.add(simd, prims, &range, nodes, place);
+                continue;
+            };
+            let children = nodes.len();
+            let content = Content::Inner { children: children as u32, count: range.count };
+            nodes[place] = BinaryNode::new(&range.bounds, content);
+            nodes.extend([BinaryNode::PAD; 2]);
+            open.extend([(children + 1, right), (children, left)]);
+        }
     }
 
     /// Divides a range that is too large for a leaf, on several threads if it is worth it.
@@ -206,36 +284,6 @@ impl Range {
                 centers: centers[1],
             },
         ]
-    }
-}
-
-/// See [`Builder::grow`].
-#[inline(always)]
-fn grow<S: Simd>(
-    simd: S,
-    prims: &mut [PackedBox],
-    range: Range,
-    rule: LeafRule,
-    options: &BuildOptions,
-    nodes: &mut Vec<BinaryNode>,
-    place: usize,
-) {
-    let mut bins = Bins::empty();
-    let mut open = vec![(place, range)];
-    let first = range.begin;
-    while let Some((place, range)) = open.pop() {
-        let begin = (range.begin - first) as usize;
-        let prims = &mut prims[begin..begin + range.count as usize];
-        let Some([left, right]) = divide_small(simd, prims, &range, rule, options, &mut bins) else {
-            let content = Content::Leaf { begin: range.begin, count: range.count };
-            nodes[place] = BinaryNode::new(&range.bounds, content);
-            continue;
-        };
-        let children = nodes.len();
-        let content = Content::Inner { children: children as u32, count: range.count };
-        nodes[place] = BinaryNode::new(&range.bounds, content);
-        nodes.extend([BinaryNode::PAD; 2]);
-        open.extend([(children + 1, right), (children, left)]);
     }
 }
 

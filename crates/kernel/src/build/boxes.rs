@@ -1,6 +1,6 @@
 //! Boxes in the form that builders work on: eight lanes, of which one minimum unites two boxes.
 use fearless_simd::{f32x4, f32x8, prelude::*};
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 /// A box and two 32-bit tags, 32 B: lower x, y, z, first tag; upper x, y, z negated, second tag.
 ///
@@ -29,8 +29,13 @@ impl PackedBox {
 
     /// The box of primitive `id`. Both tags hold it: their difference is then zero, and not a denormal number that
     /// slows multiplications down.
-    pub(crate) fn primitive(lo: Vec3, hi: Vec3, id: u32) -> Self {
-        Self::new(lo, hi, [id, id])
+    #[inline(always)]
+    pub(crate) fn primitive(lo: impl Into<Vec3A>, hi: impl Into<Vec3A>, id: u32) -> Self {
+        // As in `new`.
+        let (lo, minus_hi) = (lo.into() + Vec3A::ZERO, -(hi.into() + Vec3A::ZERO));
+        let id = f32::from_bits(id);
+        let ([x, y, z], [minus_x, minus_y, minus_z]) = (lo.to_array(), minus_hi.to_array());
+        Self([x, y, z, id, minus_x, minus_y, minus_z, id])
     }
 
     /// The number of a primitive.

@@ -6,11 +6,17 @@ pub(crate) mod morton;
 pub(crate) mod refit;
 pub(crate) mod repair;
 pub(crate) mod spatial;
+pub(crate) mod treelets;
 pub(crate) mod triangles;
 pub(crate) mod watch;
 pub(crate) mod wide;
 
 use fearless_simd::Level;
+use rayon::prelude::*;
+
+use self::{binary::LeafRule, boxes::PackedBox, watch::Watch, wide::WideTree};
+use crate::layout::{LEAF_TRIANGLES, WIDTH};
+use crate::{aabb::Aabb, error::BuildError, mesh::Mesh};
 
 use crate::isa::Isa;
 
@@ -155,4 +161,53 @@ pub struct Refit {
 pub(crate) fn level() -> Level {
     let forced = Isa::from_env().ok().flatten();
     forced.unwrap_or_else(Isa::best).checked_level().unwrap_or_else(|_| Level::baseline())
+}
+
+/// A tree without its triangles' vertices.
+pub(crate) struct Arranged {
+    pub tree: WideTree,
+    pub bounds: Aabb,
+    /// The triangles of each block.
+    pub numbers: Vec<[u32; WIDTH]>,
+}
+
+/// Arranges triangles, whose boxes are `prims` (not empty), in a tree.
+///
+/// # Errors
+/// [`BuildError::Cancelled`].
+pub(crate) fn arrange(
+    level: Level,
+    meshes: &[Mesh],
+    mesh_starts: &[u32],
+    mut prims: Vec<PackedBox>,
+    options: &BuildOptions,
+    watch: &Watch<'_>,
+) -> Result<Arranged, BuildError> {
+    if options.builder == Builder::Morton {
+        let (binary, blocks) = treelets::build(level, &prims, options, watch);
+        watch.check()?;
+        drop(prims);
+        watch.stage(850);
+        let (tree, places) = wide::collapse(level, &binary, treelets::RULE, options.intersection_cost, watch);
+        watch.check()?;
+        let numbers = places.par_iter().with_min_len(256).map(|&(block, _)| blocks[block as usize]).collect();
+        return Ok(Arranged { tree, bounds: binary.bounds(), numbers });
+    }
+    let rule = LeafRule { max: LEAF_TRIANGLES, block_shift: WIDTH.ilog2() };
+    // A triangle that moves has no parts that stay on either side of a plane.
+    let splits = options.builder == Builder::SpatialSah && meshes.iter().all(|mesh| mesh.motion.is_none());
+    let binary = if splits {
+        let budget = (prims.len() as f32 * options.spatial_budget.clamp(0.0, 4.0)) as usize;
+        let corners = |id| triangles::corners(meshes, mesh_starts, id);
+        spatial::build(level, &mut prims, budget, &corners, rule, options, watch)
+    } else {
+        binned::build(level, &mut prims, rule, options, watch)
+    };
+    watch.check()?;
+    // From here on the order alone counts; the memory of the boxes will serve for nodes and blocks.
+    let order = triangles::order(prims);
+    watch.stage(850);
+    let (tree, ranges) = wide::collapse(level, &binary, rule, options.intersection_cost, watch);
+    watch.check()?;
+    Ok(Arranged { tree, bounds: binary.bounds(), numbers: triangles::numbers(&order, &ranges) })
 }

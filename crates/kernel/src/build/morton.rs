@@ -1,173 +1,252 @@
-//! Fast trees: triangles are sorted along a Morton curve and cut into full blocks, over which a binned SAH tree is
-//! built [after Pantaleoni and Luebke 2010, "HLBVH", and Garanzha, Pantaleoni and McAllister 2011].
+//! Boxes in the order of a Morton curve: codes of their centres, sorted digit by digit.
 //!
-//! Deviations: the treelets at the bottom are single blocks, and where the curve is cut is decided by the blocks'
-//! areas: the cuts of each stretch of the curve are optimal. Deterministic for any number of threads.
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
-use glam::Vec3;
+//! Deterministic for any number of threads and any instruction set: keys are all different, so that there is one order.
+use fearless_simd::{Level, Simd, dispatch, f32x4, i32x4, prelude::*, u32x4, u32x8};
 use rayon::prelude::*;
 
 use super::{
-    BuildOptions,
-    binary::{BinaryNode, BinaryTree, LeafRule},
     binned,
-    boxes::PackedBox,
+    boxes::{PackedBox, doubled_center},
     watch::Watch,
-    wide::BlockRange,
 };
-use crate::layout::{LEAF_TRIANGLES, WIDTH};
 
-/// Bits of a cell's number along each axis. With 28 bits of a primitive's place they fill a key.
+/// Bits of a cell's number along each axis, and of a digit of its code. With 28 bits of a primitive's place they fill a
+/// key.
 const AXIS_BITS: u32 = 12;
 const PLACE_BITS: u32 = 28;
+const DIGITS: usize = 1 << AXIS_BITS;
 /// A cell with more primitives than this is sorted by finer cells of its own …
 const CROWD: usize = 64;
 /// … down to this depth.
 const MAX_DEPTH: u32 = 6;
 /// Primitives per task.
-const STRETCH: usize = 1 << 12;
-/// What a block costs beside its area, in mean areas of full blocks: it keeps blocks full.
-const BLOCK_COST: f32 = 0.5;
+const TASK: usize = 1 << 11;
+/// Fewer keys than this are not worth tables of digits …
+const FEW: usize = 1 << 11;
+/// … and no more than this per thread not worth several threads.
+const FEW_FOR_THREADS: usize = 1 << 14;
 
-/// The rule for leaves of the tree over blocks: up to two.
-pub(crate) const RULE: LeafRule = LeafRule { max: LEAF_TRIANGLES / WIDTH, block_shift: 0 };
+/// A primitive's code above its place in the list.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key(u64);
 
-/// Sorts `prims` (not empty) and builds the tree over blocks of them. Leaves are ranges of the list of blocks returned,
-/// by [`RULE`].
-pub(crate) fn build(
-    level: Level,
-    prims: &mut Vec<PackedBox>,
-    options: &BuildOptions,
-    watch: &Watch<'_>,
-) -> (BinaryTree, Vec<BlockRange>) {
-    *prims = sorted(prims, 0, watch);
-    let starts = (0..prims.len()).step_by(STRETCH);
-    let stretches: Vec<usize> = starts.collect();
-    let cut = |&begin: &usize| {
-        if watch.stopped() {
-            return Vec::new();
+impl Key {
+    #[inline(always)]
+    pub(crate) fn place(self) -> usize {
+        (self.0 & ((1 << PLACE_BITS) - 1)) as usize
+    }
+
+    #[inline(always)]
+    fn cell(self) -> u64 {
+        self.0 >> PLACE_BITS
+    }
+
+    /// A digit of the code, the lowest first.
+    #[inline(always)]
+    fn digit(self, number: u32) -> usize {
+        (self.0 >> (PLACE_BITS + number * AXIS_BITS)) as usize % DIGITS
+    }
+}
+
+/// The places of `prims` (not empty, up to 2²⁸) along the curve. If `watch` says that the work was cancelled, the result
+/// is unfinished.
+pub(crate) fn sorted(level: Level, prims: &[PackedBox], watch: &Watch<'_>) -> Vec<Key> {
+    order(level, prims, 0, watch)
+}
+
+fn order(level: Level, prims: &[PackedBox], depth: u32, watch: &Watch<'_>) -> Vec<Key> {
+    let (_, centers) = binned::bounds(level, prims, watch);
+    let grid = Grid::new(&centers);
+    let mut keys = vec![Key(0); prims.len()];
+    let tasks = keys.par_chunks_mut(TASK).zip(prims.par_chunks(TASK)).enumerate();
+    tasks.for_each(|(task, (keys, prims))| {
+        if !watch.stopped() {
+            dispatch!(level, simd => grid.keys(simd, prims, task * TASK, keys));
         }
-        let stretch = &prims[begin..prims.len().min(begin + STRETCH)];
-        dispatch!(level, simd => cut(simd, stretch, begin))
-    };
-    let blocks: Vec<Block> = stretches.par_iter().map(cut).flatten_iter().collect();
+    });
     if watch.stopped() {
-        return (BinaryTree { nodes: vec![BinaryNode::PAD; 2], runs: vec![0, 2] }, Vec::new());
+        return keys;
     }
-    let numbered = |(i, block): (usize, &Block)| block.bounds.with_tags([i as u32; 2]);
-    let mut items: Vec<PackedBox> = blocks.par_iter().enumerate().map(numbered).collect();
-    let nodes = binned::build(level, &mut items, RULE, options, watch);
-    (nodes, items.iter().map(|item| blocks[item.id() as usize].range).collect())
-}
-
-/// A run of primitives that is tested together.
-#[derive(Clone, Copy)]
-struct Block {
-    bounds: PackedBox,
-    range: BlockRange,
-}
-
-/// The primitives in the order of the Morton codes of their centres.
-fn sorted(prims: &[PackedBox], depth: u32, watch: &Watch<'_>) -> Vec<PackedBox> {
-    let grid = Grid::new(prims);
-    let key = |(place, prim): (usize, &PackedBox)| grid.code(prim) << PLACE_BITS | place as u64;
-    let mut keys: Vec<u64> = prims.par_iter().enumerate().with_min_len(STRETCH).map(key).collect();
-    if watch.stopped() {
-        return prims.to_vec();
-    }
-    // The keys are all different, so the result does not depend on how they are sorted.
-    keys.par_sort_unstable();
-    let gather = |key: &u64| prims[(key & ((1 << PLACE_BITS) - 1)) as usize];
-    let mut result: Vec<PackedBox> = keys.par_iter().with_min_len(STRETCH).map(gather).collect();
+    let mut keys = sort(keys);
     if depth < MAX_DEPTH {
-        let mut begin = 0;
-        for cell in keys.chunk_by(|a, b| a >> PLACE_BITS == b >> PLACE_BITS) {
-            let range = begin..begin + cell.len();
-            begin = range.end;
-            // All in one cell after a whole round of refinement: the centres are equal.
-            if cell.len() > CROWD && cell.len() < keys.len() {
-                let finer = sorted(&result[range.clone()], depth + 1, watch);
-                result[range].copy_from_slice(&finer);
-            }
+        refine(level, prims, &mut keys, depth, watch);
+    }
+    keys
+}
+
+/// Sorts the keys of crowded cells by finer cells.
+fn refine(level: Level, prims: &[PackedBox], keys: &mut [Key], depth: u32, watch: &Watch<'_>) {
+    // A crowd has two keys so far apart, one of them at a multiple of that.
+    let stride = CROWD / 2;
+    let mut at = 0;
+    while at + stride < keys.len() {
+        let cell = keys[at].cell();
+        if keys[at + stride].cell() != cell {
+            at += stride;
+            continue;
+        }
+        let begin = at - keys[..at].iter().rev().take_while(|key| key.cell() == cell).count();
+        let end = at + keys[at..].iter().take_while(|key| key.cell() == cell).count();
+        at = end.next_multiple_of(stride);
+        // All in one cell after a whole round of refinement: the centres are equal.
+        if end - begin > CROWD && end - begin < keys.len() {
+            let crowd = &mut keys[begin..end];
+            let boxes: Vec<PackedBox> = crowd.iter().map(|key| prims[key.place()]).collect();
+            let finer = order(level, &boxes, depth + 1, watch);
+            let sorted: Vec<Key> = finer.iter().map(|key| crowd[key.place()]).collect();
+            crowd.copy_from_slice(&sorted);
         }
     }
-    result
+}
+
+/// Each thread takes a range of the highest digit.
+fn sort(keys: Vec<Key>) -> Vec<Key> {
+    let threads = rayon::current_num_threads();
+    if threads == 1 || keys.len() < threads * FEW_FOR_THREADS {
+        return radix_sort(keys);
+    }
+    let mut counts = vec![0_usize; DIGITS];
+    for key in &keys {
+        counts[key.digit(2)] += 1;
+    }
+    let share = keys.len().div_ceil(threads);
+    let mut ranges = Vec::new();
+    let (mut begin, mut held) = (0, 0);
+    for (digit, &count) in counts.iter().enumerate() {
+        held += count;
+        if held >= share || digit == DIGITS - 1 {
+            ranges.push((begin..digit + 1, held));
+            (begin, held) = (digit + 1, 0);
+        }
+    }
+    let part = |(range, count): &(std::ops::Range<usize>, usize)| {
+        // One place more, to which what is not wanted is written.
+        let mut mine = vec![Key(0); count + 1];
+        let mut next = 0;
+        for &key in &keys {
+            mine[next] = key;
+            next += usize::from(range.contains(&key.digit(2)));
+        }
+        mine.truncate(*count);
+        radix_sort(mine)
+    };
+    let parts: Vec<Vec<Key>> = ranges.par_iter().map(part).collect();
+    parts.concat()
+}
+
+/// Sorts by the three digits of the code, the lowest first; places are in order already, and stay so among equals.
+fn radix_sort(mut keys: Vec<Key>) -> Vec<Key> {
+    if keys.len() < FEW {
+        keys.sort_unstable();
+        return keys;
+    }
+    let mut starts = vec![[0_u32; DIGITS]; 3];
+    let [low, middle, high] = &mut starts[..] else { return keys };
+    for key in &keys {
+        low[key.digit(0)] += 1;
+        middle[key.digit(1)] += 1;
+        high[key.digit(2)] += 1;
+    }
+    let mut other = vec![Key(0); keys.len()];
+    for (number, starts) in (0..).zip(&mut starts) {
+        let mut next = 0;
+        for start in starts.iter_mut() {
+            (*start, next) = (next, next + *start);
+        }
+        for &key in &keys {
+            let start = &mut starts[key.digit(number)];
+            other[*start as usize] = key;
+            *start += 1;
+        }
+        std::mem::swap(&mut keys, &mut other);
+    }
+    keys
 }
 
 /// A cube of cells around all centres.
 struct Grid {
-    offset: Vec3,
+    offset: [f32; 4],
     scale: f32,
 }
 
 impl Grid {
-    fn new(prims: &[PackedBox]) -> Self {
-        let of = |chunk: &[PackedBox]| {
-            let centers = chunk.iter().map(|prim| prim.lo() + prim.hi());
-            centers.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), c| (lo.min(c), hi.max(c)))
-        };
-        let join = |a: (Vec3, Vec3), b: (Vec3, Vec3)| (a.0.min(b.0), a.1.max(b.1));
-        let nothing = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (offset, hi) = prims.par_chunks(STRETCH).map(of).reduce(nothing, join);
-        let scale = (1 << AXIS_BITS) as f32 * 0.999_99 / (hi - offset).max_element();
-        Self { offset, scale: if scale < f32::MAX { scale } else { 0.0 } }
+    /// Around doubled centres.
+    fn new(centers: &PackedBox) -> Self {
+        let low = centers.lo();
+        let scale = (1 << AXIS_BITS) as f32 * 0.999_99 / (centers.hi() - low).max_element();
+        Self { offset: [low.x, low.y, low.z, 0.0], scale: if scale < f32::MAX { scale } else { 0.0 } }
     }
 
-    fn code(&self, prim: &PackedBox) -> u64 {
-        let cell = (prim.lo() + prim.hi() - self.offset) * self.scale;
-        spread(cell.x as u64) | spread(cell.y as u64) << 1 | spread(cell.z as u64) << 2
-    }
-}
-
-/// Moves bit k (of 12) to bit 3k.
-fn spread(x: u64) -> u64 {
-    let x = (x | x << 16) & 0x0f00_00ff;
-    let x = (x | x << 8) & 0x0f00_f00f;
-    let x = (x | x << 4) & 0x0_c30c_30c3;
-    (x | x << 2) & 0x2_4924_9249
-}
-
-/// Cuts a stretch of the curve into blocks such that the sum of their costs is least, by dynamic programming.
-#[inline(always)]
-fn cut<S: Simd>(simd: S, prims: &[PackedBox], first: usize) -> Vec<Block> {
-    let mut mean = 0.0;
-    for full in prims.chunks(WIDTH) {
-        mean += union(simd, full).half_area();
-    }
-    let fixed = BLOCK_COST * mean / prims.len().div_ceil(WIDTH) as f32;
-    // For each place the least cost of all before it, and the length of the last block there.
-    let (mut costs, mut lengths) = (vec![0.0_f32; prims.len() + 1], vec![0_u32; prims.len() + 1]);
-    for end in 1..=prims.len() {
-        let mut bounds = f32x8::splat(simd, f32::INFINITY);
-        let (mut best, mut length) = (f32::INFINITY, 1);
-        for back in 1..=WIDTH.min(end) {
-            bounds = bounds.min(prims[end - back].load(simd));
-            let cost = costs[end - back] + PackedBox(bounds.to_array()).half_area();
-            if cost < best {
-                (best, length) = (cost, back as u32);
-            }
+    /// The keys of primitives, the first of which has place `first`.
+    #[inline(always)]
+    fn keys<S: Simd>(&self, simd: S, prims: &[PackedBox], first: usize, keys: &mut [Key]) {
+        let offset = f32x4::load_array(simd, self.offset);
+        let axis = u32x8::load_array(simd, [0, 1, 2, 0, 0, 1, 2, 0]);
+        for ((place, prim), key) in (first..).zip(prims).zip(keys) {
+            let cell = (doubled_center(prim.load(simd)) - offset) * self.scale;
+            let cell: i32x4<S> = i32x4::truncate_from(cell);
+            let [high, low]: [u32x4<S>; 2] = [(cell >> 6).bitcast(), (cell & 63).bitcast()];
+            let bits = spread(simd, high.combine(low)) << axis;
+            let [hx, hy, hz, _, lx, ly, lz, _] = bits.to_array();
+            let (high, low) = (u64::from(hx | hy | hz), u64::from(lx | ly | lz));
+            *key = Key((high << 18 | low) << PLACE_BITS | place as u64);
         }
-        costs[end] = best + fixed;
-        lengths[end] = length;
     }
-    let mut blocks = Vec::with_capacity(prims.len() / 4);
-    let mut end = prims.len();
-    while end > 0 {
-        let count = lengths[end];
-        let begin = end - count as usize;
-        let bounds = union(simd, &prims[begin..end]);
-        blocks.push(Block { bounds, range: ((first + begin) as u32, count) });
-        end = begin;
-    }
-    blocks.reverse();
-    blocks
 }
 
+/// Moves bit k (of 6) to bit 3k.
 #[inline(always)]
-fn union<S: Simd>(simd: S, prims: &[PackedBox]) -> PackedBox {
-    let mut all = f32x8::splat(simd, f32::INFINITY);
-    for prim in prims {
-        all = all.min(prim.load(simd));
+fn spread<S: Simd>(simd: S, x: u32x8<S>) -> u32x8<S> {
+    let mask = |bits| u32x8::splat(simd, bits);
+    let x = (x | x << 8) & mask(0x300f);
+    let x = (x | x << 4) & mask(0x30c3);
+    (x | x << 2) & mask(0x9249)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_sort_like_whole_keys() {
+        let mut state = 1_u64;
+        let mut keys = Vec::new();
+        for place in 0..3 * FEW as u64 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            // Some codes many times over.
+            let code = if place % 3 == 0 { state >> 62 } else { state >> 28 };
+            keys.push(Key(code << PLACE_BITS | place));
+        }
+        let mut expected = keys.clone();
+        expected.sort_unstable();
+        assert!(radix_sort(keys) == expected);
     }
-    PackedBox(all.to_array())
+
+    #[test]
+    fn codes_interleave_the_bits_of_cells() {
+        let level = crate::build::level();
+        let prims: Vec<PackedBox> = (0..4096_u32)
+            .map(|i| {
+                let [x, y, z] = [i, i * 1031 % 4096, i * 517 % 4096].map(|cell| cell as f32);
+                PackedBox::primitive(glam::Vec3::new(x, y, z), glam::Vec3::new(x, y, z), i)
+            })
+            .collect();
+        // Doubled centres up to 8190: a cell is just over two of them.
+        let grid = Grid::new(&PackedBox::new(glam::Vec3::ZERO, glam::Vec3::splat(8190.0), [0; 2]));
+        let mut keys = vec![Key(0); prims.len()];
+        dispatch!(level, simd => grid.keys(simd, &prims, 0, &mut keys));
+        for (place, key) in keys.iter().enumerate() {
+            let cell = |axis| {
+                let center = 2.0 * prims[place].0[axis];
+                (center * grid.scale) as u64
+            };
+            let mut code = 0;
+            for bit in 0..AXIS_BITS {
+                for axis in 0..3 {
+                    code |= (cell(axis) >> bit & 1) << (3 * bit + axis as u32);
+                }
+            }
+            assert_eq!((key.place(), key.cell()), (place, code));
+        }
+    }
 }

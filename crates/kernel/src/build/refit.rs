@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     boxes::PackedBox,
-    triangles::{BATCH, double_area_vector, gather},
+    triangles::{BATCH, double_area_vector, read_vertices},
     wide::{WideTree, child_order, set_bounds},
 };
 use crate::{
@@ -15,19 +15,13 @@ use crate::{
     triangle_bvh::MAX_COORDINATE,
 };
 
-/// Blocks per task.
-const CHUNK: usize = 256;
-
 /// Reads the vertices of all blocks anew; the bounds of each block. Triangles that cannot be hit become points at the
 /// origin, as in empty lanes, and do not count for the bounds.
 pub(crate) fn blocks(level: Level, meshes: &[Mesh], starts: &[u32], blocks: &mut [Block]) -> Vec<PackedBox> {
     let mut bounds = vec![PackedBox::EMPTY; blocks.len()];
-    let chunks = blocks.par_chunks_mut(CHUNK).zip(bounds.par_chunks_mut(CHUNK));
+    let chunks = blocks.par_chunks_mut(BATCH).zip(bounds.par_chunks_mut(BATCH));
     chunks.for_each(|(blocks, bounds)| {
-        for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
-            gather(meshes, starts, blocks);
-            dispatch!(level, simd => settle(simd, blocks, bounds));
-        }
+        dispatch!(level, simd => read(simd, meshes, starts, blocks, bounds));
     });
     bounds
 }
@@ -40,7 +34,7 @@ pub(crate) fn unite(
     bounds: &mut [PackedBox],
     ends: &[PackedBox],
 ) {
-    let blocks = opening.par_iter_mut().zip(closing).with_min_len(CHUNK);
+    let blocks = opening.par_iter_mut().zip(closing).with_min_len(BATCH);
     blocks.zip(bounds.par_iter_mut().zip(ends)).for_each(|((opening, closing), (bounds, end))| {
         *bounds = bounds.union(end);
         for lane in 0..WIDTH {
@@ -62,28 +56,23 @@ pub(crate) fn compact_blocks(
     blocks: &mut [CompactBlock],
 ) -> Vec<PackedBox> {
     let mut bounds = vec![PackedBox::EMPTY; blocks.len()];
-    let chunks = blocks.par_chunks_mut(CHUNK).zip(bounds.par_chunks_mut(CHUNK));
+    let chunks = blocks.par_chunks_mut(BATCH).zip(bounds.par_chunks_mut(BATCH));
     chunks.for_each(|(blocks, bounds)| {
-        for (blocks, bounds) in blocks.chunks_mut(BATCH).zip(bounds.chunks_mut(BATCH)) {
-            let mut full = [Block::EMPTY; BATCH];
-            let full = &mut full[..blocks.len()];
-            for (full, block) in full.iter_mut().zip(&*blocks) {
-                full.triangle = block.triangles();
-            }
-            gather(meshes, starts, full);
-            dispatch!(level, simd => settle(simd, full, bounds));
-            for (full, block) in full.iter().zip(blocks) {
-                block.hide_points(full);
-            }
+        let numbered = |block: &CompactBlock| Block { triangle: block.triangles(), ..Block::EMPTY };
+        let mut full: Vec<Block> = blocks.iter().map(numbered).collect();
+        dispatch!(level, simd => read(simd, meshes, starts, &mut full, bounds));
+        for (full, block) in full.iter().zip(blocks) {
+            block.hide_points(full);
         }
     });
     bounds
 }
 
-/// Takes what cannot be hit out of blocks and finds their bounds.
+/// Reads vertices, takes what cannot be hit out of blocks and finds their bounds.
 #[inline(always)]
-fn settle<S: Simd>(simd: S, blocks: &mut [Block], bounds: &mut [PackedBox]) {
+fn read<S: Simd>(simd: S, meshes: &[Mesh], starts: &[u32], blocks: &mut [Block], bounds: &mut [PackedBox]) {
     for (block, bounds) in blocks.iter_mut().zip(bounds) {
+        read_vertices(simd, meshes, starts, block);
         let hittable = hittable(simd, block);
         let outside = f32x8::splat(simd, f32::INFINITY);
         let mut lanes = [f32::INFINITY; 8];

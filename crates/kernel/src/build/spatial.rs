@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::{
     BuildOptions,
     binary::{BinaryNode, BinaryTree, Content, LeafRule, Piece},
-    binned::{self, Builder, Range, TASK, TASK_LEVELS},
+    binned::{Builder, Range, TASK_LEVELS},
     boxes::PackedBox,
     watch::Watch,
 };
@@ -47,12 +47,12 @@ pub(crate) fn build(
     options: &BuildOptions,
     watch: &Watch<'_>,
 ) -> BinaryTree {
-    let object = Builder { level, rule, options: *options, watch };
+    let object = Builder::new(level, prims.len(), rule, options, watch);
     let whole = object.whole(prims);
     let reach = whole.bounds.lo().abs().max(whole.bounds.hi().abs()).max_element();
     let root_area = whole.bounds.half_area();
     prims.resize(prims.len() + budget, PackedBox::EMPTY);
-    watch.expect(binned::work(prims.len()));
+    watch.expect(object.work(prims.len()));
     Spatial { object, corners, root_area, pad: reach * PAD }.top(prims, whole).assemble()
 }
 
@@ -86,7 +86,7 @@ impl Spatial<'_> {
         if self.object.watch.stopped() {
             return Piece::task(vec![BinaryNode::PAD; 2]);
         }
-        if count <= TASK {
+        if count <= self.object.task {
             let mut nodes = vec![BinaryNode::PAD; 2];
             self.grow(places, range, &mut nodes, 0);
             self.object.watch.advance(TASK_LEVELS * places.len() as u64);

@@ -1,7 +1,8 @@
 //! From meshes to what builders work on, and from their result to packed triangles.
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use glam::{DVec3, Vec3, Vec3Swizzles};
+use fearless_simd::{Level, Simd, dispatch, f32x4, prelude::*};
+use glam::{DVec3, Vec3, Vec3A, Vec3Swizzles};
 use rayon::prelude::*;
 
 use super::{boxes::PackedBox, watch::Watch, wide::BlockRange};
@@ -14,8 +15,8 @@ use crate::{
 
 /// Triangles per task, and between two looks at the watch.
 const CHUNK: usize = 1 << 13;
-/// Blocks whose vertices are read together.
-pub(super) const BATCH: usize = 16;
+/// Blocks per task.
+pub(super) const BATCH: usize = 1 << 8;
 /// The number of a triangle that can never be hit.
 const SKIPPED: u32 = u32::MAX;
 
@@ -34,8 +35,9 @@ pub(crate) fn number(meshes: &[Mesh], watch: &Watch<'_>) -> Result<Vec<u32>, Bui
         }
         let vertices = positions.len();
         let bad = |index: &u32| *index as usize >= vertices;
-        let good = |chunk: &[[u32; 3]]| !chunk.iter().flatten().any(bad);
         // Whole chunks first: no early exit inside them, so they are checked many at a time.
+        let largest = |chunk: &[[u32; 3]]| chunk.as_flattened().iter().fold(0, |max, &index| index.max(max));
+        let good = |chunk: &[[u32; 3]]| chunk.is_empty() || (largest(chunk) as usize) < vertices;
         if let Some(chunk) =
             indices.par_chunks(CHUNK).position_first(|chunk| !watch.stopped() && !good(chunk))
         {
@@ -84,7 +86,7 @@ fn all_boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedB
     let skipped = AtomicBool::new(false);
     for (Mesh { positions, indices, .. }, &start) in meshes.iter().zip(starts) {
         // Nearly always all vertices are good, and triangles need no test of their own.
-        let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || chunk.iter().all(usable));
+        let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || all_usable(chunk));
         let one = |(i, triangle): (usize, &[u32; 3])| {
             if i % CHUNK == CHUNK - 1 && !watch.stopped() {
                 watch.advance(CHUNK as u64);
@@ -93,12 +95,12 @@ fn all_boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedB
                 return PackedBox::EMPTY;
             }
             let corners = triangle.map(|i| positions[i as usize]);
-            let hittable = (good || corners.iter().all(usable)) && has_area(corners);
-            if !hittable {
+            let [a, b, c] = corners.map(Vec3A::from);
+            let mut id = start + i as u32;
+            if !((good || all_usable(&corners)) && has_area([a, b, c])) {
                 skipped.store(true, Ordering::Relaxed);
+                id = SKIPPED;
             }
-            let [a, b, c] = corners;
-            let id = if hittable { start + i as u32 } else { SKIPPED };
             PackedBox::primitive(a.min(b).min(c), a.max(b).max(c), id)
         };
         if watch.stopped() {
@@ -113,18 +115,27 @@ fn all_boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedB
     (prims, skipped.into_inner())
 }
 
-/// Whether a vertex is finite and not too far away.
-fn usable(vertex: &Vec3) -> bool {
-    vertex.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
+/// Whether vertices are finite and not too far away.
+fn all_usable(vertices: &[Vec3]) -> bool {
+    // As integers, which NaN and infinity are the largest of, many at a time.
+    let bits = |x: f32| x.to_bits() & !(1 << 31);
+    let largest = vertices.iter().fold(0, |max, v| bits(v.x).max(bits(v.y)).max(bits(v.z)).max(max));
+    largest <= MAX_COORDINATE.to_bits()
 }
 
 /// Whether a triangle of usable vertices has an area, however small.
-fn has_area([a, b, c]: [Vec3; 3]) -> bool {
+#[inline(always)]
+fn has_area([a, b, c]: [Vec3A; 3]) -> bool {
     let (e, f) = (b - a, c - a);
     let (plus, minus) = (e.zxy() * f, e * f.zxy());
     // Each difference and product rounds by 2^-24 relative to itself: beyond the sum of that, it is not zero.
-    let doubt = (plus.abs() + minus.abs()) * 1.0e-6 + Vec3::splat(1.0e-36);
-    (plus - minus).abs().cmpgt(doubt).any() || double_area_vector(a, b, c) != DVec3::ZERO
+    let doubt = (plus.abs() + minus.abs()) * 1.0e-6 + Vec3A::splat(1.0e-36);
+    (plus - minus).abs().cmpgt(doubt).any() || has_tiny_area([a, b, c])
+}
+
+#[cold]
+fn has_tiny_area([a, b, c]: [Vec3A; 3]) -> bool {
+    double_area_vector(a.into(), b.into(), c.into()) != DVec3::ZERO
 }
 
 /// `(b−a) × (c−a)` in double precision, where it is zero only for triangles that have no area.
@@ -165,6 +176,7 @@ pub(crate) fn numbers(order: &[u32], ranges: &[BlockRange]) -> Vec<[u32; WIDTH]>
 
 /// Blocks of the triangles given, 8 each.
 pub(crate) fn blocks(
+    level: Level,
     meshes: &[Mesh],
     starts: &[u32],
     numbers: &[[u32; WIDTH]],
@@ -172,38 +184,51 @@ pub(crate) fn blocks(
 ) -> Vec<Block> {
     watch.expect(numbers.len() as u64);
     // Memory is touched for the first time by all threads.
-    let numbered = |&triangle: &[u32; WIDTH]| Block { triangle, ..Block::EMPTY };
-    let mut blocks: Vec<Block> = numbers.par_iter().map(numbered).collect();
-    blocks.par_chunks_mut(BATCH).with_min_len(16).enumerate().for_each(|(i, blocks)| {
-        if i % 64 == 63 && !watch.stopped() {
-            watch.advance(64 * BATCH as u64);
-        }
-        if !watch.halted() {
-            gather(meshes, starts, blocks);
+    let mut blocks: Vec<Block> = numbers.par_iter().with_min_len(BATCH).map(|_| Block::EMPTY).collect();
+    blocks.par_chunks_mut(BATCH).zip(numbers.par_chunks(BATCH)).for_each(|(blocks, numbers)| {
+        if !watch.stopped() {
+            dispatch!(level, simd => fill(simd, meshes, starts, numbers, blocks));
+            watch.advance(blocks.len() as u64);
         }
     });
     blocks
 }
 
-/// Reads the vertices of a few blocks from the meshes. Vertex indices come first and then the positions: in each of the
-/// loops, many loads wait for memory together.
-pub(super) fn gather(meshes: &[Mesh], starts: &[u32], blocks: &mut [Block]) {
-    let mut triangles = [[(0, [0; 3]); WIDTH]; BATCH];
-    for (block, triangles) in blocks.iter().zip(&mut triangles) {
-        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
-        for (&id, into) in used.zip(triangles) {
-            let (mesh, triangle) = locate(starts, id);
-            *into = (mesh, meshes[mesh].indices[triangle]);
+#[inline(always)]
+fn fill<S: Simd>(simd: S, meshes: &[Mesh], starts: &[u32], numbers: &[[u32; WIDTH]], blocks: &mut [Block]) {
+    for (block, numbers) in blocks.iter_mut().zip(numbers) {
+        block.triangle = *numbers;
+        read_vertices(simd, meshes, starts, block);
+    }
+}
+
+/// Reads the vertices of a block's triangles from the meshes.
+#[inline(always)]
+pub(super) fn read_vertices<S: Simd>(simd: S, meshes: &[Mesh], starts: &[u32], block: &mut Block) {
+    let mut corners = [[f32x4::splat(simd, 0.0); WIDTH]; 3];
+    for (lane, &id) in block.triangle.iter().enumerate() {
+        if id == Block::NO_TRIANGLE {
+            break;
+        }
+        let (mesh, triangle) = locate(starts, id);
+        let Mesh { positions, indices, .. } = &meshes[mesh];
+        for (corner, index) in corners.iter_mut().zip(indices[triangle]) {
+            let [x, y, z] = positions[index as usize].to_array();
+            corner[lane] = f32x4::load_array(simd, [x, y, z, 0.0]);
         }
     }
-    for (block, triangles) in blocks.iter_mut().zip(&triangles) {
-        let used = block.triangle.iter().take_while(|&&id| id != Block::NO_TRIANGLE);
-        for (lane, (_, &(mesh, triangle))) in used.zip(triangles).enumerate() {
-            let positions = &meshes[mesh].positions;
-            for (vertex, index) in block.vertex.iter_mut().zip(triangle) {
-                let p = positions[index as usize];
-                [vertex[0][lane], vertex[1][lane], vertex[2][lane]] = p.to_array();
-            }
+    for (rows, corner) in block.vertex.iter_mut().zip(&corners) {
+        let [a, b] = [columns(&corner[..4]), columns(&corner[4..])];
+        for (row, (a, b)) in rows.iter_mut().zip(a.into_iter().zip(b)) {
+            a.combine(b).store_array(row);
         }
     }
+}
+
+/// The first three components of four vectors.
+#[inline(always)]
+fn columns<S: Simd>(of: &[f32x4<S>]) -> [f32x4<S>; 3] {
+    let (ac, bd) = (of[0].zip_low(of[2]), of[1].zip_low(of[3]));
+    let z = of[0].zip_high(of[2]).zip_low(of[1].zip_high(of[3]));
+    [ac.zip_low(bd), ac.zip_high(bd), z]
 }

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// A subtree with no more references than this, or than 1/64 of the whole, is collapsed by one thread.
-const TASK: u32 = 1 << 13;
+const TASK: u32 = 1 << 7;
 
 /// A finished 8-wide tree. The root is node 0; no nodes means nothing to hit.
 #[derive(Clone, Debug, Default)]
@@ -85,7 +85,7 @@ pub(crate) fn collapse(
     let binary = &tree.nodes[..];
     let Some(root) = binary.first() else { return Default::default() };
     let (lo, hi) = (root.bounds().lo(), root.bounds().hi());
-    let plan = &plan(tree, rule, block_cost)[..];
+    let plan = &plan(level, tree, rule, block_cost)[..];
     let Content::Inner { count, .. } = root.content() else {
         // A root that is a leaf: one node with one child.
         let part = Collapse { binary, plan, rule, block_cost, cut: 0 }.run(level, 0);
@@ -211,12 +211,12 @@ impl Collapse<'_> {
 /// For each node, into how many roots its left child should go when it is replaced by up to 1 … 8 roots; 0 where it
 /// should stay one.
 type Plan = [u8; WIDTH];
-/// The cost of a subtree as a forest of up to 1 … 7 roots.
-type Costs = [f32; WIDTH - 1];
+/// The cost of a subtree as a forest of up to 1 … 8 roots; the last is not used.
+type Costs = [f32; WIDTH];
 
 /// Plans the cheapest collapse by dynamic programming over the forests that replace each subtree [Ylitie, Karras and
 /// Laine 2017, section 4.1]. Leaves are as the builder made them.
-fn plan(tree: &BinaryTree, rule: LeafRule, block_cost: f32) -> Vec<Plan> {
+fn plan(level: Level, tree: &BinaryTree, rule: LeafRule, block_cost: f32) -> Vec<Plan> {
     let planner = Planner { rule, block_cost };
     let mut plans = vec![[0; WIDTH]; tree.nodes.len()];
     let top = tree.runs.get(1).map_or(0, |&end| end as usize);
@@ -230,12 +230,12 @@ fn plan(tree: &BinaryTree, rule: LeafRule, block_cost: f32) -> Vec<Plan> {
     // Children of the top's nodes that lie in a run are its first two.
     let below = runs.into_par_iter().map(|(begin, plans)| {
         let nodes = &tree.nodes[begin..begin + plans.len()];
-        let mut costs = planner.run(nodes, begin, plans, &[]);
+        let mut costs = dispatch!(level, simd => planner.run(simd, nodes, begin, plans, &[]));
         costs.truncate(2);
         (begin, costs)
     });
     let below: Vec<(usize, Vec<Costs>)> = below.collect();
-    planner.run(&tree.nodes[..top], 0, top_plans, &below);
+    dispatch!(level, simd => planner.run(simd, &tree.nodes[..top], 0, top_plans, &below));
     plans
 }
 
@@ -247,14 +247,16 @@ struct Planner {
 impl Planner {
     /// Plans for a run of nodes, of which the first is number `first` of the tree; their costs. `below` has the costs of
     /// the first nodes of other runs.
-    fn run(
+    #[inline(always)]
+    fn run<S: Simd>(
         &self,
+        simd: S,
         nodes: &[BinaryNode],
         first: usize,
         plans: &mut [Plan],
         below: &[(usize, Vec<Costs>)],
     ) -> Vec<Costs> {
-        let mut costs: Vec<Costs> = vec![[0.0; WIDTH - 1]; nodes.len()];
+        let mut costs: Vec<Costs> = vec![[0.0; WIDTH]; nodes.len()];
         for (index, node) in nodes.iter().enumerate().rev() {
             let area = node.bounds().half_area();
             match node.content() {
@@ -264,11 +266,11 @@ impl Planner {
                         Ok(run) => (below[run].1[0], below[run].1[1]),
                         Err(_) => (costs[children - first], costs[children - first + 1]),
                     };
-                    (plans[index], costs[index]) = plan_node(area, &left, &right);
+                    (plans[index], costs[index]) = plan_node(simd, area, &left, &right);
                 }
                 Content::Leaf { count, .. } => {
                     let blocks = self.rule.blocks(count as usize) as f32;
-                    costs[index] = [area * blocks * self.block_cost; WIDTH - 1];
+                    costs[index] = [area * blocks * self.block_cost; WIDTH];
                 }
                 Content::Apart { .. } => {}
             }
@@ -279,29 +281,34 @@ impl Planner {
 
 /// The plan for a node of the given half area, and its costs, by those of its children.
 #[inline(always)]
-fn plan_node(area: f32, left: &Costs, right: &Costs) -> (Plan, Costs) {
-    let mut least = [f32::INFINITY; WIDTH];
-    // Whatever the costs, a wide node opens the binary one that it stands for.
-    let mut plan = [0; WIDTH];
-    plan[WIDTH - 1] = 1;
-    for roots in 2..=WIDTH {
-        for to_left in 1..roots {
-            let cost = left[to_left - 1] + right[roots - to_left - 1];
-            if cost < least[roots - 1] {
-                (least[roots - 1], plan[roots - 1]) = (cost, to_left as u8);
-            }
-        }
+fn plan_node<S: Simd>(simd: S, area: f32, left: &Costs, right: &Costs) -> (Plan, Costs) {
+    let never = f32x8::splat(simd, f32::INFINITY);
+    let right = f32x8::load_array_ref(simd, right);
+    // Lanes are numbers of roots less one: where the left child has some of them, the right one has so many fewer.
+    let fewer = [
+        never.slide::<7>(right),
+        never.slide::<6>(right),
+        never.slide::<5>(right),
+        never.slide::<4>(right),
+        never.slide::<3>(right),
+        never.slide::<2>(right),
+        never.slide::<1>(right),
+    ];
+    let (mut least, mut to_left) = (never, i32x8::splat(simd, 0));
+    for (number, (&left, right)) in (1..).zip(left.iter().zip(fewer)) {
+        let cost = right + left;
+        let better = cost.simd_lt(least);
+        least = better.select(cost, least);
+        to_left = better.select(i32x8::splat(simd, number), to_left);
     }
     // As one root it is a wide node of up to 8 children, which is visited.
-    let alone = least[WIDTH - 1] + area;
-    let mut costs = [alone; WIDTH - 1];
-    for (roots, cost) in costs.iter_mut().enumerate() {
-        if alone <= least[roots] {
-            plan[roots] = 0;
-        }
-        *cost = alone.min(least[roots]);
-    }
-    (plan, costs)
+    let least_of_all = least.to_array()[WIDTH - 1];
+    let alone = f32x8::splat(simd, least_of_all + area);
+    let whole = alone.simd_le(least);
+    let mut plan = whole.select(i32x8::splat(simd, 0), to_left).to_array();
+    // Whatever the costs, a wide node opens the binary one that it stands for.
+    plan[WIDTH - 1] = to_left.to_array()[WIDTH - 1].max(1);
+    (plan.map(|roots| roots as u8), alone.min(least).to_array())
 }
 
 /// Stores a child's box. An empty one must stay finite, as [`Node::EMPTY`] says.
@@ -352,7 +359,11 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
         leaves: parts.iter().map(|part| part.leaves).sum(),
         sah: (parts.iter().map(|part| part.cost).sum::<f64>() * scale) as f32,
     };
-    (tree, parts.into_iter().flat_map(|part| part.blocks).collect())
+    let mut blocks = Vec::with_capacity(block_starts[parts.len()] as usize);
+    for part in &parts {
+        blocks.extend_from_slice(&part.blocks);
+    }
+    (tree, blocks)
 }
 
 /// For each sign octant the lanes from near to far, by the centre's distance along the octant's diagonal.
