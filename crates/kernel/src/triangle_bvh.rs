@@ -89,7 +89,7 @@ impl TriangleBvh {
             still(meshes)?;
         }
         watch.stage(60);
-        let prims = triangles::boxes(meshes, &mesh_starts, &watch);
+        let prims = triangles::boxes(level, meshes, &mesh_starts, &watch);
         watch.check()?;
         if prims.is_empty() {
             return Ok(Self { mesh_starts, ..Self::default() });

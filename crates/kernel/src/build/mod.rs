@@ -3,6 +3,7 @@ pub(crate) mod binary;
 pub(crate) mod binned;
 pub(crate) mod boxes;
 pub(crate) mod morton;
+mod parts;
 pub(crate) mod refit;
 pub(crate) mod repair;
 pub(crate) mod spatial;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{
     binned,
     boxes::{PackedBox, doubled_center},
+    parts::{self, Part},
     watch::Watch,
 };
 
@@ -24,7 +25,7 @@ const TASK: usize = 1 << 11;
 /// Fewer keys than this are not worth tables of digits …
 const FEW: usize = 1 << 11;
 /// … and no more than this per thread not worth several threads.
-const FEW_FOR_THREADS: usize = 1 << 14;
+const FEW_FOR_THREADS: usize = 1 << 16;
 
 /// A primitive's code above its place in the list.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,12 +58,9 @@ pub(crate) fn sorted(level: Level, prims: &[PackedBox], watch: &Watch<'_>) -> Ve
 fn order(level: Level, prims: &[PackedBox], depth: u32, watch: &Watch<'_>) -> Vec<Key> {
     let (_, centers) = binned::bounds(level, prims, watch);
     let grid = Grid::new(&centers);
-    let mut keys = vec![Key(0); prims.len()];
-    let tasks = keys.par_chunks_mut(TASK).zip(prims.par_chunks(TASK)).enumerate();
-    tasks.for_each(|(task, (keys, prims))| {
-        if !watch.stopped() {
-            dispatch!(level, simd => grid.keys(simd, prims, task * TASK, keys));
-        }
+    let keys = parts::collect(prims.len(), TASK, |first, part| {
+        let prims = &prims[first..first + part.len()];
+        dispatch!(level, simd => grid.push_keys(simd, prims, first, part));
     });
     if watch.stopped() {
         return keys;
@@ -179,17 +177,17 @@ impl Grid {
 
     /// The keys of primitives, the first of which has place `first`.
     #[inline(always)]
-    fn keys<S: Simd>(&self, simd: S, prims: &[PackedBox], first: usize, keys: &mut [Key]) {
+    fn push_keys<S: Simd>(&self, simd: S, prims: &[PackedBox], first: usize, keys: &mut Part<'_, Key>) {
         let offset = f32x4::load_array(simd, self.offset);
         let axis = u32x8::load_array(simd, [0, 1, 2, 0, 0, 1, 2, 0]);
-        for ((place, prim), key) in (first..).zip(prims).zip(keys) {
+        for (place, prim) in (first..).zip(prims) {
             let cell = (doubled_center(prim.load(simd)) - offset) * self.scale;
             let cell: i32x4<S> = i32x4::truncate_from(cell);
             let [high, low]: [u32x4<S>; 2] = [(cell >> 6).bitcast(), (cell & 63).bitcast()];
             let bits = spread(simd, high.combine(low)) << axis;
             let [hx, hy, hz, _, lx, ly, lz, _] = bits.to_array();
             let (high, low) = (u64::from(hx | hy | hz), u64::from(lx | ly | lz));
-            *key = Key((high << 18 | low) << PLACE_BITS | place as u64);
+            keys.push(Key((high << 18 | low) << PLACE_BITS | place as u64));
         }
     }
 }
@@ -233,8 +231,9 @@ mod tests {
             .collect();
         // Doubled centres up to 8190: a cell is just over two of them.
         let grid = Grid::new(&PackedBox::new(glam::Vec3::ZERO, glam::Vec3::splat(8190.0), [0; 2]));
-        let mut keys = vec![Key(0); prims.len()];
-        dispatch!(level, simd => grid.keys(simd, &prims, 0, &mut keys));
+        let keys = parts::collect(prims.len(), prims.len(), |first, part| {
+            dispatch!(level, simd => grid.push_keys(simd, &prims, first, part));
+        });
         for (place, key) in keys.iter().enumerate() {
             let cell = |axis| {
                 let center = 2.0 * prims[place].0[axis];

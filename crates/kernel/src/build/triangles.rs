@@ -5,7 +5,12 @@ use fearless_simd::{Level, Simd, dispatch, f32x4, prelude::*};
 use glam::{DVec3, Vec3, Vec3A, Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::{boxes::PackedBox, watch::Watch, wide::BlockRange};
+use super::{
+    boxes::PackedBox,
+    parts::{self, Part},
+    watch::Watch,
+    wide::BlockRange,
+};
 use crate::{
     error::BuildError,
     layout::{Block, WIDTH},
@@ -13,8 +18,10 @@ use crate::{
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
-/// Triangles per task, and between two looks at the watch.
+/// Triangles per task where they are merely looked at …
 const CHUNK: usize = 1 << 13;
+/// … and where boxes are made.
+const PART: usize = 1 << 11;
 /// Blocks per task.
 pub(super) const BATCH: usize = 1 << 8;
 /// The number of a triangle that can never be hit.
@@ -60,13 +67,13 @@ pub(crate) fn closing(meshes: &[Mesh]) -> Option<Vec<Mesh>> {
 }
 
 /// The boxes of all triangles that can be hit, in order; of moving ones, around the whole way.
-pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<PackedBox> {
+pub(crate) fn boxes(level: Level, meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<PackedBox> {
     let count = starts.last().copied().unwrap_or(0) as usize;
     watch.expect(count as u64);
-    let (mut prims, mut skipped) = all_boxes(meshes, starts, watch);
+    let (mut prims, mut skipped) = all_boxes(level, meshes, starts, watch);
     if let Some(closing) = closing(meshes) {
         // Vertices move along lines: what lies between is in the box around both ends.
-        let (ends, some) = all_boxes(&closing, starts, watch);
+        let (ends, some) = all_boxes(level, &closing, starts, watch);
         skipped |= some;
         prims.par_iter_mut().zip(ends).with_min_len(CHUNK).for_each(|(prim, end)| {
             let id = if end.id() == SKIPPED { SKIPPED } else { prim.id() };
@@ -80,39 +87,63 @@ pub(crate) fn boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> Vec<P
 }
 
 /// The boxes of all triangles where the shutter opens, and whether some cannot be hit; those are marked.
-fn all_boxes(meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedBox>, bool) {
-    let count = starts.last().copied().unwrap_or(0) as usize;
-    let mut prims = Vec::with_capacity(count);
+fn all_boxes(level: Level, meshes: &[Mesh], starts: &[u32], watch: &Watch<'_>) -> (Vec<PackedBox>, bool) {
+    let usable: Vec<bool> = meshes
+        .iter()
+        .map(|mesh| mesh.positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || all_usable(chunk)))
+        .collect();
     let skipped = AtomicBool::new(false);
-    for (Mesh { positions, indices, .. }, &start) in meshes.iter().zip(starts) {
-        // Nearly always all vertices are good, and triangles need no test of their own.
-        let good = positions.par_chunks(CHUNK).all(|chunk| watch.stopped() || all_usable(chunk));
-        let one = |(i, triangle): (usize, &[u32; 3])| {
-            if i % CHUNK == CHUNK - 1 && !watch.stopped() {
-                watch.advance(CHUNK as u64);
-            }
-            if watch.halted() {
-                return PackedBox::EMPTY;
-            }
-            let corners = triangle.map(|i| positions[i as usize]);
-            let [a, b, c] = corners.map(Vec3A::from);
-            let mut id = start + i as u32;
-            if !((good || all_usable(&corners)) && has_area([a, b, c])) {
+    let count = starts.last().copied().unwrap_or(0) as usize;
+    let prims = parts::collect(count, PART, |first, part| {
+        let end = first + part.len();
+        let mut next = first;
+        while next < end && !watch.stopped() {
+            let (mesh, triangle) = locate(starts, next as u32);
+            let Mesh { positions, indices, .. } = &meshes[mesh];
+            let indices = &indices[triangle..indices.len().min(triangle + end - next)];
+            let boxes = Boxes { positions, usable: usable[mesh], first: next as u32 };
+            if dispatch!(level, simd => boxes.push(simd, indices, part)) {
                 skipped.store(true, Ordering::Relaxed);
-                id = SKIPPED;
             }
-            PackedBox::primitive(a.min(b).min(c), a.max(b).max(c), id)
-        };
-        if watch.stopped() {
-            break;
+            next += indices.len();
+            watch.advance(indices.len() as u64);
         }
-        if indices.len() < CHUNK {
-            prims.extend(indices.iter().enumerate().map(one));
-        } else {
-            prims.par_extend(indices.par_iter().enumerate().with_min_len(CHUNK / 4).map(one));
+        for _ in next..end {
+            part.push(PackedBox::EMPTY);
         }
-    }
+    });
     (prims, skipped.into_inner())
+}
+
+/// Makes boxes of the triangles of a mesh.
+struct Boxes<'a> {
+    positions: &'a [Vec3],
+    /// Nearly always all vertices are good, and triangles need no test of their own.
+    usable: bool,
+    /// The running number of the first triangle.
+    first: u32,
+}
+
+impl Boxes<'_> {
+    #[inline(always)]
+    fn corner(&self, index: u32) -> Vec3A {
+        let Vec3 { x, y, z } = self.positions[index as usize];
+        Vec3A::new(x, y, z)
+    }
+
+    /// Returns whether some triangles cannot be hit.
+    #[inline(always)]
+    fn push<S: Simd>(&self, _: S, indices: &[[u32; 3]], part: &mut Part<'_, PackedBox>) -> bool {
+        let mut skipped = false;
+        for (id, triangle) in (self.first..).zip(indices) {
+            let [a, b, c] = [self.corner(triangle[0]), self.corner(triangle[1]), self.corner(triangle[2])];
+            let good = (self.usable || all_usable(&[a.into(), b.into(), c.into()])) && has_area([a, b, c]);
+            skipped |= !good;
+            let id = if good { id } else { SKIPPED };
+            part.push(PackedBox::primitive(a.min(b).min(c), a.max(b).max(c), id));
+        }
+        skipped
+    }
 }
 
 /// Whether vertices are finite and not too far away.
@@ -183,22 +214,29 @@ pub(crate) fn blocks(
     watch: &Watch<'_>,
 ) -> Vec<Block> {
     watch.expect(numbers.len() as u64);
-    // Memory is touched for the first time by all threads.
-    let mut blocks: Vec<Block> = numbers.par_iter().with_min_len(BATCH).map(|_| Block::EMPTY).collect();
-    blocks.par_chunks_mut(BATCH).zip(numbers.par_chunks(BATCH)).for_each(|(blocks, numbers)| {
-        if !watch.stopped() {
-            dispatch!(level, simd => fill(simd, meshes, starts, numbers, blocks));
-            watch.advance(blocks.len() as u64);
+    parts::collect(numbers.len(), BATCH, |first, part| {
+        let numbers = &numbers[first..first + part.len()];
+        if watch.stopped() {
+            for _ in numbers {
+                part.push(Block::EMPTY);
+            }
+        } else {
+            dispatch!(level, simd => push_blocks(simd, meshes, starts, numbers, part));
+            watch.advance(numbers.len() as u64);
         }
-    });
-    blocks
+    })
 }
 
 #[inline(always)]
-fn fill<S: Simd>(simd: S, meshes: &[Mesh], starts: &[u32], numbers: &[[u32; WIDTH]], blocks: &mut [Block]) {
-    for (block, numbers) in blocks.iter_mut().zip(numbers) {
-        block.triangle = *numbers;
-        read_vertices(simd, meshes, starts, block);
+fn push_blocks<S: Simd>(
+    simd: S,
+    meshes: &[Mesh],
+    starts: &[u32],
+    numbers: &[[u32; WIDTH]],
+    part: &mut Part<'_, Block>,
+) {
+    for &triangle in numbers {
+        read_vertices(simd, meshes, starts, part.push(Block { triangle, ..Block::EMPTY }));
     }
 }
 

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{
     binary::{BinaryNode, BinaryTree, Content, LeafRule},
     boxes::PackedBox,
+    parts,
     watch::Watch,
 };
 use crate::{
@@ -334,9 +335,8 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
         block_starts.push(block_starts[block_starts.len() - 1] + part.blocks.len() as u32);
     }
     let total = node_starts[parts.len()];
-    let moved = |index: usize| {
-        let part = node_starts.partition_point(|&start| start <= index) - 1;
-        let mut node = parts[part].nodes[index - node_starts[part]];
+    let moved = |part: usize, node: &Node| {
+        let mut node = *node;
         for child in node.child.iter_mut().filter(|child| **child != Child::NONE) {
             *child = if child.is_leaf() {
                 Child::leaf(child.payload() + 2 * block_starts[part])
@@ -348,10 +348,19 @@ fn finish(parts: Vec<Part>, binary: &[BinaryNode], extent: [f32; 3]) -> (WideTre
         }
         node
     };
+    let nodes = parts::collect(total, 256, |first, to| {
+        let mut part = node_starts.partition_point(|&start| start <= first) - 1;
+        for index in first..first + to.len() {
+            while node_starts[part + 1] <= index {
+                part += 1;
+            }
+            to.push(moved(part, &parts[part].nodes[index - node_starts[part]]));
+        }
+    });
     let root_area = binary[0].bounds().half_area();
     let scale = if root_area > 0.0 && root_area.is_finite() { 1.0 / f64::from(root_area) } else { 0.0 };
     let tree = WideTree {
-        nodes: (0..total).into_par_iter().with_min_len(1024).map(moved).collect(),
+        nodes,
         compact: Vec::new(),
         extent,
         excess: 0.0,

@@ -165,7 +165,7 @@ impl KdTree {
         if let Some(mesh) = meshes.iter().position(|mesh| mesh.motion.is_some()) {
             return Err(BuildError::MotionUnsupported { mesh, tree: "a kd-tree" });
         }
-        let boxes = triangles::boxes(meshes, &mesh_starts, &watch);
+        let boxes = triangles::boxes(crate::build::level(), meshes, &mesh_starts, &watch);
         let numbers: Vec<u32> = boxes.iter().map(PackedBox::id).collect();
         drop(boxes);
         let corners_of =
