@@ -1,4 +1,4 @@
-//! Prefetching: asking for memory that the traversal will want soon. The kernel's one home of `unsafe`.
+//! Prefetching: asking for memory that will be wanted soon. With `build::parts` the kernel's home of `unsafe`.
 //!
 //! Traversal is bound by latency once a tree outgrows the caches; the stack knows what comes next.
 #![allow(unsafe_code, reason = "no stable safe function prefetches")]

@@ -15,6 +15,7 @@ use crate::{
     error::BuildError,
     layout::{Block, WIDTH},
     mesh::Mesh,
+    prefetch::prefetch,
     triangle_bvh::{MAX_COORDINATE, TriangleBvh},
 };
 
@@ -235,8 +236,27 @@ fn push_blocks<S: Simd>(
     numbers: &[[u32; WIDTH]],
     part: &mut Part<'_, Block>,
 ) {
-    for &triangle in numbers {
+    for (place, &triangle) in numbers.iter().enumerate() {
+        prefetch_vertices(meshes, starts, &numbers[place..]);
         read_vertices(simd, meshes, starts, part.push(Block { triangle, ..Block::EMPTY }));
+    }
+}
+
+/// Asks for what blocks further on will need: along a curve through space, triangles lie anywhere in a mesh.
+#[inline(always)]
+fn prefetch_vertices(meshes: &[Mesh], starts: &[u32], numbers: &[[u32; WIDTH]]) {
+    let located = |place: usize| {
+        let block = numbers.get(place).into_iter().flatten();
+        block.filter(|&&id| id != Block::NO_TRIANGLE).map(|&id| locate(starts, id))
+    };
+    for (mesh, triangle) in located(4) {
+        prefetch(&meshes[mesh].indices, triangle);
+    }
+    // Their indices were asked for two blocks ago.
+    for (mesh, triangle) in located(2) {
+        for index in meshes[mesh].indices[triangle] {
+            prefetch(&meshes[mesh].positions, index as usize);
+        }
     }
 }
 
