@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{
     binned,
     boxes::{PackedBox, doubled_center},
-    parts::{self, Part},
+    parts::{self, Slots},
     watch::Watch,
 };
 
@@ -177,7 +177,7 @@ impl Grid {
 
     /// The keys of primitives, the first of which has place `first`.
     #[inline(always)]
-    fn push_keys<S: Simd>(&self, simd: S, prims: &[PackedBox], first: usize, keys: &mut Part<'_, Key>) {
+    fn push_keys<S: Simd>(&self, simd: S, prims: &[PackedBox], first: usize, keys: &mut Slots<'_, Key>) {
         let offset = f32x4::load_array(simd, self.offset);
         let axis = u32x8::load_array(simd, [0, 1, 2, 0, 0, 1, 2, 0]);
         for (place, prim) in (first..).zip(prims) {

@@ -10,12 +10,12 @@ use std::mem::MaybeUninit;
 use rayon::prelude::*;
 
 /// A part of a list, to be filled from its beginning.
-pub(super) struct Part<'a, T> {
+pub(super) struct Slots<'a, T> {
     slots: &'a mut [MaybeUninit<T>],
     filled: usize,
 }
 
-impl<T: Copy> Part<'_, T> {
+impl<T: Copy> Slots<'_, T> {
     /// How many elements there are to be.
     pub(super) fn len(&self) -> usize {
         self.slots.len()
@@ -41,11 +41,11 @@ impl<T: Copy> Part<'_, T> {
 pub(super) fn collect<T: Copy + Send>(
     count: usize,
     part: usize,
-    fill: impl Fn(usize, &mut Part<'_, T>) + Sync,
+    fill: impl Fn(usize, &mut Slots<'_, T>) + Sync,
 ) -> Vec<T> {
     let mut list = Vec::with_capacity(count);
     list.spare_capacity_mut()[..count].par_chunks_mut(part).enumerate().for_each(|(number, slots)| {
-        let mut slots = Part { slots, filled: 0 };
+        let mut slots = Slots { slots, filled: 0 };
         fill(number * part, &mut slots);
         assert_eq!(slots.filled, slots.slots.len(), "a part of a list was not filled");
     });
@@ -68,7 +68,7 @@ mod tests {
             }
         });
         assert!(squares.into_iter().eq((0..1000).map(|i| i * i)));
-        assert!(collect(0, 64, |_, _: &mut Part<'_, u8>| ()).is_empty());
+        assert!(collect(0, 64, |_, _: &mut Slots<'_, u8>| ()).is_empty());
     }
 
     #[test]

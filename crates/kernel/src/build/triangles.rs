@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     boxes::PackedBox,
-    parts::{self, Part},
+    parts::{self, Slots},
     watch::Watch,
     wide::BlockRange,
 };
@@ -134,7 +134,7 @@ impl Boxes<'_> {
 
     /// Returns whether some triangles cannot be hit.
     #[inline(always)]
-    fn push<S: Simd>(&self, _: S, indices: &[[u32; 3]], part: &mut Part<'_, PackedBox>) -> bool {
+    fn push<S: Simd>(&self, _: S, indices: &[[u32; 3]], part: &mut Slots<'_, PackedBox>) -> bool {
         let mut skipped = false;
         for (id, triangle) in (self.first..).zip(indices) {
             let [a, b, c] = [self.corner(triangle[0]), self.corner(triangle[1]), self.corner(triangle[2])];
@@ -234,7 +234,7 @@ fn push_blocks<S: Simd>(
     meshes: &[Mesh],
     starts: &[u32],
     numbers: &[[u32; WIDTH]],
-    part: &mut Part<'_, Block>,
+    part: &mut Slots<'_, Block>,
 ) {
     for (place, &triangle) in numbers.iter().enumerate() {
         prefetch_vertices(meshes, starts, &numbers[place..]);
