@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::results::{BARS, BuildRow, Results, Row, Standing, is_embree};
+use super::results::{BUILD_BARS, BuildRow, Results, Row, Standing, bars, is_embree};
 
 /// All tables.
 pub(super) fn tables(results: &Results) -> String {
@@ -33,7 +33,7 @@ fn means(results: &Results, isa: &str) -> String {
     let mut text = format!(
         "### Ratios to Embree, one thread, {isa}\n\n| rays | geometric mean | bar | least | on | bar |\n|---|---|---|---|---|---|\n"
     );
-    for bar in &BARS {
+    for bar in bars(isa) {
         let Some(Standing { mean, least }) = results.standing(isa, bar.rays) else { continue };
         let _ = writeln!(
             text,
@@ -49,31 +49,36 @@ fn means(results: &Results, isa: &str) -> String {
 }
 
 fn rays(results: &Results, isa: &str) -> String {
-    let most = results.rows.iter().map(|row| row.threads).max().unwrap_or(1);
+    let most = results.rows.iter().map(|row| row.threads).max().filter(|&most| most > 1);
+    let columns = |cells: [&str; 3]| most.map(|_| format!(" {} |", cells.join(" | "))).unwrap_or_default();
+    let threads = format!("{} threads: ours", most.unwrap_or(1));
     let mut text = format!(
-        "### Rays, {isa}\n\n| scene | triangles | rays | ours | Embree | ratio | {most} threads: ours | Embree | ratio | our build | Embree's best | answers that differ |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+        "### Rays, {isa}\n\n| scene | triangles | rays | ours | Embree | ratio |{} our build | Embree's best | answers that differ |\n|---|---|---|---|---|---|{}---|---|---|\n",
+        columns([&threads, "Embree", "ratio"]),
+        if most.is_some() { "---|---|---|" } else { "" },
     );
     let alone = |row: &&Row| row.peer_name.is_none() && row.isa == isa && row.threads == 1;
     for row in results.versus_embree(isa, 1).chain(results.rows.iter().filter(alone)) {
         let all = results.rows.iter().find(|all| {
             (&all.scene, &all.rays, &all.isa, &all.peer_name)
                 == (&row.scene, &row.rays, &row.isa, &row.peer_name)
-                && all.threads == most
-                && most > 1
+                && Some(all.threads) == most
         });
         let cell = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.2}"));
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {:.2} | {} | {} |{} {} | {} | {} |",
             row.scene,
             row.triangles,
             row.rays,
             row.ours,
             cell(row.peer),
             cell(row.ratio),
-            cell(all.map(|all| all.ours)),
-            cell(all.and_then(|all| all.peer)),
-            cell(all.and_then(|all| all.ratio)),
+            columns([
+                &cell(all.map(|all| all.ours)),
+                &cell(all.and_then(|all| all.peer)),
+                &cell(all.and_then(|all| all.ratio)),
+            ]),
             row.our_variant,
             row.peer_variant.as_deref().unwrap_or("–"),
             row.disagree.map_or("–".into(), |n| format!("{n} of {}", row.count)),
@@ -114,9 +119,10 @@ fn builds(results: &Results) -> String {
     }
     let mut text = String::from(
         "### Builds\n\nMillion triangles per second. Bytes are all that tracing needs: our nodes and leaves, which hold the vertices, or beside them the mesh whose vertices the compact layout reads; \
-         what Embree's device holds, with vertices and indices; for obvhs nodes, indices and triangles.\n\n\
-         | scene | builder | threads | Mtri/s | SAH | bytes/tri | peer | Mtri/s | bytes/tri | ratio |\n|---|---|---|---|---|---|---|---|---|---|\n",
+         what Embree's device holds, with vertices and indices; for obvhs nodes, indices and triangles.\n\n",
     );
+    text += &build_means(results);
+    text += "| scene | builder | threads | Mtri/s | SAH | bytes/tri | peer | Mtri/s | bytes/tri | ratio |\n|---|---|---|---|---|---|---|---|---|---|\n";
     for row in &results.builds {
         let cell = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.2}"));
         let _ = writeln!(
@@ -135,6 +141,26 @@ fn builds(results: &Results) -> String {
         );
     }
     text + "\n"
+}
+
+fn build_means(results: &Results) -> String {
+    let mut rows = String::new();
+    for (builder, bar) in BUILD_BARS {
+        for threads in results.build_threads() {
+            let Some(Standing { mean, least }) = results.build_standing(builder, threads) else { continue };
+            let _ = writeln!(
+                rows,
+                "| {builder} | {threads} | {mean:.2} | {bar:.2} | {:.2} | {} |",
+                least.0, least.1
+            );
+        }
+    }
+    if rows.is_empty() {
+        return rows;
+    }
+    format!(
+        "| builder | threads | over Embree's, geometric mean | bar | least | on |\n|---|---|---|---|---|---|\n{rows}\n"
+    )
 }
 
 fn kd_trees(results: &Results) -> String {
@@ -212,7 +238,7 @@ mod tests {
     #[test]
     fn tables_say_what_was_measured_and_where_a_peer_wins() {
         let text = tables(&some());
-        assert!(text.contains("| primary, closest hit | 2.00 | 3.50 | 1.00 | b | 2.00 |"), "{text}");
+        assert!(text.contains("| primary, closest hit | 2.00 | 1.50 | 1.00 | b | 1.50 |"), "{text}");
         assert!(
             text.contains("| a | 1000 | primary | 40.00 | 10.00 | 4.00 | 76.00 | 20.00 | 3.80 |"),
             "{text}"
@@ -226,6 +252,7 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("- a, vpl16, one thread, avx2: 0.80 of Embree 4.4.0"), "{text}");
+        assert!(text.contains("| default | 1 | 1.50 | 1.30 | 1.50 | a |"), "{text}");
         assert!(!text.contains("building `default`"), "that row wins");
     }
 }
