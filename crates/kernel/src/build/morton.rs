@@ -97,7 +97,7 @@ fn refine(level: Level, prims: &[PackedBox], keys: &mut [Key], depth: u32, watch
     }
 }
 
-/// Each thread takes a range of the highest digit.
+/// In parallel where it pays: each thread takes a range of the highest digit.
 fn sort(keys: Vec<Key>) -> Vec<Key> {
     let threads = rayon::current_num_threads();
     if threads == 1 || keys.len() < threads * FEW_FOR_THREADS {
@@ -138,15 +138,15 @@ fn radix_sort(mut keys: Vec<Key>) -> Vec<Key> {
         keys.sort_unstable();
         return keys;
     }
-    let mut starts = vec![[0_u32; DIGITS]; 3];
-    let [low, middle, high] = &mut starts[..] else { return keys };
+    let mut starts = Box::new([[0_u32; DIGITS]; 3]);
+    let [low, middle, high] = &mut *starts;
     for key in &keys {
         low[key.digit(0)] += 1;
         middle[key.digit(1)] += 1;
         high[key.digit(2)] += 1;
     }
     let mut other = vec![Key(0); keys.len()];
-    for (number, starts) in (0..).zip(&mut starts) {
+    for (number, starts) in (0..).zip(&mut *starts) {
         let mut next = 0;
         for start in starts.iter_mut() {
             (*start, next) = (next, next + *start);
