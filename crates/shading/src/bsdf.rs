@@ -195,7 +195,7 @@ impl<F: Real> Bsdf<F> {
 
     /// Probability of each group when only the selected lobes take part, and the sum before normalisation.
     #[inline(always)]
-    fn chances(&self, which: Selection) -> ([F; 5], F) {
+    pub(crate) fn chances(&self, which: Selection) -> ([F; 5], F) {
         let zero = self.choice[0].splat(0.0);
         let mut chances = [zero; 5];
         let mut total = zero;

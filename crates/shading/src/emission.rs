@@ -17,8 +17,8 @@ use crate::sampling::{concentric_disk, cosine_hemisphere, uniform_sphere, unifor
 /// A point from which light is sent: what a shaded point must know to be lit by it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
-    /// A patch of surface: `radiance` · cos · cos / distance², where `radiance` stands for radiance times area. Emits to
-    /// the side of `normal` alone.
+    /// A patch of surface: `radiance` · (1 − `rim` (1 − cos)⁵) · cos · cos / distance², where `radiance` stands for radiance
+    /// times area and the first two cosines are those of the patch. Emits to the side of `normal` alone.
     Patch {
         /// World space.
         position: Vec3,
@@ -26,8 +26,10 @@ pub enum Source {
         error: f32,
         /// Unit vector.
         normal: Vec3,
-        /// Radiance divided by the density of the point.
+        /// Radiance along the normal divided by the density of the point.
         radiance: Vec3,
+        /// Share by which it is darker seen from its horizon: what layers over a diffuse surface keep (Schlick's term).
+        rim: f32,
     },
     /// A light without area, divided by the probability of its choice.
     Light {
@@ -178,6 +180,6 @@ impl AreaEmitter {
             direction: direction.into(),
             flux: radiance * PI,
         };
-        Some((Source::Patch { position, error, normal, radiance }, Some(ray)))
+        Some((Source::Patch { position, error, normal, radiance, rim: 0.0 }, Some(ray)))
     }
 }

@@ -169,6 +169,68 @@ fn evaluation_agrees_with_sampling() {
     }
 }
 
+/// Materials whose layers keep light from a diffuse lobe.
+fn layered_materials(roughness: f32) -> Vec<(&'static str, Material)> {
+    let color = Vec3::new(0.8, 0.5, 0.2);
+    let plastic = Material::plastic("", color, roughness);
+    let coat = |material: Material| {
+        let coated = white_materials(roughness).into_iter().find_map(|(_, m, _)| m.clearcoat);
+        Material { clearcoat: coated, ..material }
+    };
+    vec![
+        ("diffuse", Material::diffuse("", color)),
+        ("coated", coat(Material::diffuse("", color))),
+        ("coated plastic", coat(plastic.clone())),
+        ("plastic", plastic),
+    ]
+}
+
+#[test]
+fn diffuse_light_is_the_same_from_either_end() {
+    let mut cache = InterfaceCache::new();
+    for roughness in ROUGHNESSES {
+        for (name, material) in layered_materials(roughness) {
+            for cos in COSINES {
+                let lit = bsdf(&material, cos, true, &mut cache);
+                for towards in COSINES {
+                    let seen = Vec3::from(bsdf(&material, towards, true, &mut cache).diffuse);
+                    let sent = Vec3::from(lit.diffuse_at(towards));
+                    let error = (sent - seen).abs().max_element();
+                    assert!(error < 0.01, "{name}, {roughness}, from {cos} to {towards}: {sent} for {seen}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn light_paths_send_on_what_viewers_see() {
+    let mut cache = InterfaceCache::new();
+    let cosine_weighted = |f: &mut dyn FnMut(f32) -> Vec3| {
+        let n = 200;
+        (0..n).map(|i| f(((i as f32 + 0.5) / n as f32).sqrt())).sum::<Vec3>() / n as f32
+    };
+    for roughness in [0.3, 0.6, 1.0] {
+        for (name, material) in layered_materials(roughness) {
+            for cos in [0.2, 0.5, 1.0] {
+                let lit = bsdf(&material, cos, true, &mut cache);
+                let diffuse = Selection::ALL.among(crate::Lobes::DIFFUSE);
+                let seen = cosine_weighted(&mut |cos| bsdf(&material, cos, true, &mut cache).diffuse.into());
+                let onward = points(1 << 14).map(|(u_lobe, u)| lit.sample_onward(u_lobe, u.into(), diffuse));
+                let sent = onward.map(|sample| Vec3::from(sample.weight)).sum::<Vec3>() / (1 << 14) as f32;
+                let patch = lit.as_patch(diffuse);
+                let patch = cosine_weighted(&mut |cos| {
+                    Vec3::from(patch.normal) * (1.0 - patch.rim * crate::fresnel::schlick_weight(cos))
+                });
+                for (what, found) in [("sampled", sent), ("patch", patch)] {
+                    let error = (found - seen).abs().max_element();
+                    assert!(error < 0.01, "{name}, {roughness}, from {cos}, {what}: {found} for {seen}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn sampled_directions_follow_their_density() {
     const BINS: usize = 8;

@@ -5,6 +5,7 @@
 //! viewer, `wi` towards the light; densities are per steradian unless said otherwise.
 #![forbid(unsafe_code)]
 
+mod adjoint;
 pub mod albedo;
 mod attribute;
 mod basis;
@@ -49,6 +50,7 @@ mod surface;
 mod texture;
 pub mod tone;
 
+pub use adjoint::PatchReflectance;
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
 pub use camera::{
@@ -71,7 +73,7 @@ pub use point::{Arrival, Points, Probes};
 pub use punctual::PunctualLight;
 pub use quadric::kernel_quadric;
 pub use receive::{PointLight, Received, Taking};
-pub use reflectors::{Reflector, Reflectors};
+pub use reflectors::Reflector;
 pub use sampler::{SamplePoints, Sampler, Samplers, halves};
 pub use scene::{EmitterPdf, ShadingScene};
 pub use shader::{

@@ -181,7 +181,7 @@ struct Coat<F> {
 
 /// The split albedo of single scattering; smooth lobes follow Schlick's term exactly.
 #[inline(always)]
-fn kept_by_ggx<F: Real>(cos: F, alpha: F) -> [F; 2] {
+pub(crate) fn kept_by_ggx<F: Real>(cos: F, alpha: F) -> [F; 2] {
     let smooth = alpha.le(alpha.splat(SMOOTH_ALPHA));
     let schlick = schlick_weight(cos);
     let exact = [schlick.complement(), schlick];

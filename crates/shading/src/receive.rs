@@ -4,6 +4,7 @@ use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
 use crate::emission::Source;
+use crate::fresnel::schlick_weight;
 use crate::lanes::{Packet, Real, Vector, Vectors, WIDTH};
 use crate::lobe_set::{Lobes, Selection};
 use crate::packet::on_lanes;
@@ -132,13 +133,15 @@ fn receive<F: Real>(
 fn arriving<F: Real>(token: F::Token, source: &Source, x: Vector<F>) -> (Vector<F>, (Vector<F>, F)) {
     let one = F::constant(token, 1.0);
     match *source {
-        Source::Patch { position, normal, radiance, .. } => {
+        Source::Patch { position, normal, radiance, rim, .. } => {
             let to_light = Vector::constant(token, position) - x;
             let distance2 = to_light.length_squared();
             let wi = to_light.normalized_or(Vector::grey(F::constant(token, 0.0)));
             let cos = -Vector::constant(token, normal).dot(wi);
-            let facing = cos.positive() / distance2.max(F::constant(token, f32::MIN_POSITIVE));
-            (wi, (Vector::constant(token, radiance), facing))
+            let cos = cos.positive();
+            let facing = cos / distance2.max(F::constant(token, f32::MIN_POSITIVE));
+            let kept = one - schlick_weight(cos) * rim;
+            (wi, (Vector::constant(token, radiance) * kept, facing))
         }
         Source::Light { ref light, factor } => {
             let (wi, _, weight) = light.arriving::<F>(x);

@@ -9,7 +9,6 @@ use crate::light::Tables;
 use crate::lobe_set::Lobes;
 use crate::material::SurfaceMaterial;
 use crate::quadric::kernel_quadric;
-use crate::sampling::Discrete;
 
 /// A part of a placement that has sharp lobes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,45 +21,33 @@ pub struct Reflector {
     pub center: Vec3,
     /// Of the sphere, metres.
     pub radius: f32,
+    /// Area of the sphere times what it reflects or transmits, up to a factor.
+    pub weight: f32,
 }
 
-/// All reflectors of a scene, chosen in proportion to the area of their spheres times what they reflect or transmit.
-#[derive(Clone, Debug, Default)]
-pub struct Reflectors {
-    list: Vec<Reflector>,
-    choice: Discrete,
-}
-
-impl Reflectors {
-    /// Lists them. Lobes of a roughness (perceptual, the square root of GGX α) up to `sharp` count.
-    pub(crate) fn new(tables: Tables<'_>, sharp: f32) -> Self {
-        let strengths: Vec<f32> = tables.materials.iter().map(|material| strength(material, sharp)).collect();
-        let (mut list, mut weights) = (Vec::new(), Vec::new());
-        for (index, placement) in (0..).zip(tables.placements) {
-            for (part_index, part) in (0..).zip(tables.parts[placement.parts as usize].iter()) {
-                let strength = strengths[part.material as usize];
-                if strength <= 0.0 || part.bounds.is_empty() {
-                    continue;
-                }
-                let bounds = part.bounds.transformed(&placement.world_from_object);
-                let radius = 0.5 * bounds.size().length();
-                list.push(Reflector { placement: index, part: part_index, center: bounds.center(), radius });
-                weights.push(strength * radius * radius);
+/// All reflectors of a scene, in the order of their placements and parts. Lobes of a roughness (perceptual, the square root
+/// of GGX α) up to `sharp` count.
+pub(crate) fn list(tables: Tables<'_>, sharp: f32) -> Vec<Reflector> {
+    let strengths: Vec<f32> = tables.materials.iter().map(|material| strength(material, sharp)).collect();
+    let mut list = Vec::new();
+    for (index, placement) in (0..).zip(tables.placements) {
+        for (part_index, part) in (0..).zip(tables.parts[placement.parts as usize].iter()) {
+            let strength = strengths[part.material as usize];
+            if strength <= 0.0 || part.bounds.is_empty() {
+                continue;
             }
+            let bounds = part.bounds.transformed(&placement.world_from_object);
+            let radius = 0.5 * bounds.size().length();
+            list.push(Reflector {
+                placement: index,
+                part: part_index,
+                center: bounds.center(),
+                radius,
+                weight: strength * radius * radius,
+            });
         }
-        Self { list, choice: Discrete::new(weights) }
     }
-
-    /// In the order of their placements and parts.
-    pub fn list(&self) -> &[Reflector] {
-        &self.list
-    }
-
-    /// Chooses one by `u` in [0, 1), with its probability.
-    pub fn choose(&self, u: f32) -> Option<(&Reflector, f32)> {
-        let (index, probability, _) = self.choice.sample(u)?;
-        (probability > 0.0).then(|| (&self.list[index], probability))
-    }
+    list
 }
 
 /// The box around a part's shape, over the whole shutter interval; object space.

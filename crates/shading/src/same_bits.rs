@@ -168,6 +168,7 @@ fn sources() -> [Source; 7] {
         error: 1e-5,
         normal: Vec3::new(0.6, 0.8, 0.0),
         radiance: Vec3::new(0.5, 1.0, 2.0),
+        rim: 0.7,
     };
     let distant = Source::Distant { wi: Vec3::new(0.0, 0.6, -0.8), irradiance: Vec3::ONE };
     let rotation = Mat3::from_rotation_x(-1.4) * Mat3::from_rotation_z(0.3);

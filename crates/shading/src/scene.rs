@@ -18,7 +18,7 @@ use crate::packet::Illumination;
 use crate::placement::{Placement, ShadedPart};
 use crate::point::{Arrival, Met};
 use crate::punctual::PunctualLight;
-use crate::reflectors::Reflectors;
+use crate::reflectors::{self, Reflector};
 use crate::sort::HitPacket;
 use crate::surface::{LaneMode, ShadeScratch, Surface, Surfaces, shade};
 
@@ -196,8 +196,8 @@ impl ShadingScene {
     }
 
     /// The parts that have lobes of a roughness (perceptual, the square root of GGX α) of at most `sharp`.
-    pub fn reflectors(&self, sharp: f32) -> Reflectors {
-        Reflectors::new(self.tables(), sharp)
+    pub fn reflectors(&self, sharp: f32) -> Vec<Reflector> {
+        reflectors::list(self.tables(), sharp)
     }
 
     /// All lights.

@@ -14,6 +14,7 @@ mod edges;
 mod gather;
 mod history;
 mod importance;
+mod launch;
 mod lights;
 mod paths;
 mod photon_map;

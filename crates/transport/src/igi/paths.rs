@@ -7,7 +7,7 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::sampling::Discrete;
 use heliostat_shading::{
-    Arrival, Cone, HitSorter, Sampler, Selection, ShadeScratch, Source, Surface, Surfaces,
+    Arrival, Cone, HitSorter, PatchReflectance, Sampler, Selection, ShadeScratch, Source, Surface, Surfaces,
 };
 
 use super::vpl::{CANDIDATES, Candidate, Vpl};
@@ -206,25 +206,20 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         }
         let u_end = if pass > 0.0 { (u_end - pass) / (1.0 - pass) } else { u_end };
         walker.bounces += 1;
-        // Rough lobes are taken for diffuse ones of the same albedo.
-        let reflectance = Vec3::from(surface.bsdf.albedo_of(DULL));
-        let radiance = walker.flux * reflectance * std::f32::consts::FRAC_1_PI;
+        let PatchReflectance { normal: reflectance, rim } = surface.bsdf.as_patch(DULL);
+        let radiance = walker.flux * Vec3::from(reflectance) * std::f32::consts::FRAC_1_PI;
         if radiance.is_finite() && radiance != Vec3::ZERO {
             let (position, normal) = (surface.position.into(), surface.ng().into());
-            self.leave(Source::Patch { position, error: surface.error, normal, radiance }, walker);
+            self.leave(Source::Patch { position, error: surface.error, normal, radiance, rim }, walker);
         }
         if walker.bounces >= self.plan.max_bounces.min(MAX_BOUNCES) {
             return false;
         }
-        let sample = surface.bsdf.sample(u_lobe, [u, v], Selection::ALL);
+        let sample = surface.bsdf.sample_onward(u_lobe, [u, v], Selection::ALL);
         if !sample.valid {
             return false;
         }
         let mut weight = Vec3::from(sample.weight);
-        if sample.transmitted {
-            // Flux is not squeezed by refraction as radiance is.
-            weight *= surface.bsdf.transmitted_eta().powi(2);
-        }
         if walker.bounces > ROULETTE_FROM {
             // By the largest channel: no saturated colour is made stronger than it was.
             let survival = weight.max_element().clamp(0.05, 0.95);

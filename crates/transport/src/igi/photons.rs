@@ -13,10 +13,11 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::sampling::{Discrete, concentric_disk};
+use heliostat_shading::sampling::concentric_disk;
 use heliostat_shading::{Reflector, Sampler, Source, Surface};
 use rayon::prelude::*;
 
+use super::launch::{Launch, Launches};
 use super::vpl::{Vpl, VplSets};
 use crate::eye::{DULL, MIRROR_ALPHA, MIRRORS};
 use crate::region::View;
@@ -24,8 +25,6 @@ use crate::wave::WaveShader;
 
 /// Surfaces that a photon may pass straight through or be sent on by.
 const MAX_EDGES: u32 = 16;
-/// Reflectors at which virtual point lights are compared.
-const MOST_COMPARED: usize = 32;
 /// Photons that a thread takes at a time.
 const CHUNK: u32 = 1024;
 /// Keeps the numbers of photons apart from those of light paths.
@@ -75,24 +74,18 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
     plan: &PhotonPlan,
 ) -> (Vec<Photon>, u64) {
     let sources: Vec<&Vpl> = vpls.candidates.iter().filter(|vpl| vpl.source.has_flux()).collect();
-    let reflectors = view.scene.reflectors(MIRROR_ALPHA.sqrt());
-    if sources.is_empty() || reflectors.list().is_empty() {
-        return (Vec::new(), 0);
-    }
-    let step = reflectors.list().len().div_ceil(MOST_COMPARED);
-    let compared: Vec<Vec3> = reflectors.list().iter().step_by(step).map(|r| r.center).collect();
-    let choice = Discrete::new(sources.iter().map(|vpl| brightness(&vpl.source, &compared)));
+    let mut reflectors = view.scene.reflectors(MIRROR_ALPHA.sqrt());
+    let Some(launches) = Launches::new(sources, &mut reflectors) else { return (Vec::new(), 0) };
     let extent = view.query.bounds().size().length();
     let share = 1.0 / (plan.count as f32 * vpls.sets.len() as f32);
     let launch = |i: u32| {
         let sampler = Sampler::along(plan.pass.wrapping_mul(plan.count).wrapping_add(i), plan.seed ^ SEED);
         let [u_source, u_reflector, u, v] = sampler.set(0);
-        let (source, p_source, _) = choice.sample(u_source).filter(|&(_, p, _)| p > 0.0)?;
-        let (reflector, p_reflector) = reflectors.choose(u_reflector)?;
-        let (ray, factor) = aimed(&sources[source].source, reflector, Vec2::new(u, v), extent)?;
-        let flux = Vec3::splat(factor * share / (p_source * p_reflector));
-        let aim = Some((*reflector, source as u32));
-        Some(Flight { sampler, ray, flux, edges: sources[source].bounces, steps: 0, aim })
+        let Launch { source: index, reflector, probability } = launches.choose(u_source, u_reflector)?;
+        let vpl = launches.source(index);
+        let (ray, factor) = aimed(&vpl.source, reflector, Vec2::new(u, v), extent)?;
+        let flux = Vec3::splat(factor * share / probability);
+        Some(Flight { sampler, ray, flux, edges: vpl.bounces, steps: 0, aim: Some((*reflector, index)) })
     };
     let fly = |chunk: u32| {
         let end = plan.count.min((chunk + 1) * CHUNK);
@@ -109,7 +102,7 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
             shader.shade(view.scene, (&rays, &hits), |indices, surfaces| {
                 for (lane, &index) in indices.iter().enumerate() {
                     let (flight, hit) = (flights[index as usize].clone(), &hits[index as usize]);
-                    sent_on.extend(land(plan, &sources, flight, (hit, &surfaces.lane(lane)), &mut photons));
+                    sent_on.extend(land(plan, &launches, flight, (hit, &surfaces.lane(lane)), &mut photons));
                 }
             });
             flights = sent_on;
@@ -119,16 +112,6 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
     let chunks: Vec<_> = (0..plan.count.div_ceil(CHUNK)).into_par_iter().map(fly).collect();
     let rays_traced = chunks.iter().map(|(_, rays)| rays).sum();
     (chunks.into_iter().flat_map(|(photons, _)| photons).collect(), rays_traced)
-}
-
-/// Irradiance that a source causes where reflectors are, with a floor for those beside it.
-fn brightness(source: &Source, at: &[Vec3]) -> f32 {
-    let irradiance = |&at: &Vec3| {
-        let light = source.light(at);
-        luminance(light.radiance) * light.facing
-    };
-    let sum: f32 = at.iter().map(irradiance).filter(|e| e.is_finite()).sum();
-    sum / at.len() as f32
 }
 
 /// A ray from a source into the sphere around a reflector, and what radiant intensity (or, for light from afar,
@@ -157,7 +140,7 @@ fn aimed(source: &Source, reflector: &Reflector, u: Vec2, extent: f32) -> Option
 /// A photon at the end of its ray: it is left there if the surface is dull, and sent on if it is sharp.
 fn land(
     plan: &PhotonPlan,
-    sources: &[&Vpl],
+    launches: &Launches<'_>,
     mut flight: Flight,
     (hit, surface): (&Hit, &Surface<f32>),
     photons: &mut Vec<Photon>,
@@ -177,7 +160,7 @@ fn land(
     match flight.aim.take() {
         Some((reflector, source)) => {
             let there = hit.path.0 as u32 == reflector.placement && hit.geometry == reflector.part;
-            flight.flux *= emitted(&sources[source as usize].source, surface.position.into());
+            flight.flux *= emitted(&launches.source(source).source, surface.position.into());
             if !there {
                 return None;
             }
@@ -188,15 +171,11 @@ fn land(
     if flight.edges >= plan.max_edges || flight.steps >= MAX_EDGES {
         return None;
     }
-    let sample = surface.bsdf.sample(u_lobe, [u, v], MIRRORS);
+    let sample = surface.bsdf.sample_onward(u_lobe, [u, v], MIRRORS);
     if !sample.valid {
         return None;
     }
-    let mut weight = Vec3::from(sample.weight);
-    if sample.transmitted {
-        // Flux is not squeezed by refraction as radiance is.
-        weight *= surface.bsdf.transmitted_eta().powi(2);
-    }
+    let weight = Vec3::from(sample.weight);
     let survival = luminance(weight).clamp(0.02, 1.0);
     if u_end >= survival {
         return None;

@@ -222,8 +222,8 @@ mod tests {
     #[test]
     fn the_parts_of_a_set_are_as_bright_as_it() {
         let candidate = |(bounces, threshold)| {
-            let source =
-                Source::Patch { position: Vec3::ZERO, error: 0.0, normal: Vec3::Z, radiance: Vec3::ONE };
+            let (position, normal, radiance) = (Vec3::ZERO, Vec3::Z, Vec3::ONE);
+            let source = Source::Patch { position, error: 0.0, normal, radiance, rim: 0.0 };
             Candidate { vpl: Vpl { source, bounces }, set: 0, threshold }
         };
         let mut set = vec![candidate((0, None))];
