@@ -18,6 +18,7 @@ use heliostat_shading::{Basis, Lobes, Received, Scattered, Selection, Surfaces, 
 
 use super::gather::Block;
 use super::vpl::Vpl;
+use crate::eye::DULL;
 use crate::region::View;
 use crate::shadow::{PendingLight, ShadowBatch};
 use crate::wave::WaveShader;
@@ -127,7 +128,8 @@ impl Residual {
         let Self { shader, compared, albedo, rays: next_rays, of: next_of, lit, shadows, .. } = self;
         shader.shade(view.scene, (&rays, &self.hits), |indices, surfaces| {
             let count = indices.len();
-            surfaces.albedo_of(Selection::ALL, count, albedo);
+            // Of the lobes that virtual point lights stand for: photons bring the light of all others.
+            surfaces.albedo_of(DULL, count, albedo);
             compared.fill((vpls, bound), (surfaces, count), u_light);
             for (lane, &index) in indices.iter().enumerate() {
                 let before = &of[index as usize];
