@@ -470,3 +470,38 @@ fn instant_radiosity_is_one_set_for_all_pixels() {
     let ancestor = FrameRequest { renderer: "instant-radiosity".into(), ..request(2, IgiOptions::default()) };
     assert_eq!(render(&mut engine, &ancestor).color, expected.color);
 }
+
+#[test]
+fn gloss_shows_lamps_as_the_reference_does() {
+    // A floor that reflects a lamp: in one frame no sparks, and in the mean the light of the reference.
+    let point = LightKind::Point {
+        position: Vec3::new(0.0, 1.0, -1.0),
+        intensity: Vec3::splat(3.0),
+        range: f32::INFINITY,
+    };
+    let materials = [
+        ("plastic", Material::plastic("", Vec3::new(0.1, 0.05, 0.02), 0.35)),
+        ("metal", Material::metal("", Vec3::new(0.9, 0.8, 0.7), 0.4)),
+    ];
+    for (name, material) in materials {
+        for area in [true, false] {
+            let mut scene = SceneBuilder::new();
+            add(&mut scene, square(Vec3::ZERO, Vec3::Y, 2.0), material.clone());
+            if area {
+                let lamp = Material::emitter("", Vec3::splat(30.0));
+                add(&mut scene, square(Vec3::new(0.0, 1.0, -1.0), Vec3::NEG_Y, 0.1), lamp);
+            } else {
+                scene.light(Light { name: String::new(), kind: point.clone() });
+            }
+            let mut request = request(1, IgiOptions::default());
+            request.camera = Camera::look_at("", Vec3::new(0.0, 1.0, 1.0), Vec3::ZERO, Vec3::Y, 0.6);
+            let mut engine = engine(scene, 2);
+            let reference = reference(&mut engine, &request, 1024);
+            let frame = render(&mut engine, &request);
+            let error = relative_error(&frame, &reference);
+            assert!(error < 0.05, "{name}, {area}: one frame is off by {error}");
+            let many = render(&mut engine, &FrameRequest { samples: 64, ..request });
+            assert_close(mean(&many.color), mean(&reference.color), 0.01, name);
+        }
+    }
+}

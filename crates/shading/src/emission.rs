@@ -30,6 +30,9 @@ pub enum Source {
         radiance: Vec3,
         /// Share by which it is darker seen from its horizon: what layers over a diffuse surface keep (Schlick's term).
         rim: f32,
+        /// How many points of its kind there are per m² of the emitter: what multiple importance sampling goes by. 0 where rays
+        /// of sharp lobes find all light by themselves.
+        density: f32,
     },
     /// A light without area, divided by the probability of its choice.
     Light {
@@ -44,6 +47,8 @@ pub enum Source {
         wi: Vec3,
         /// Radiance over its density: irradiance on a surface that faces it.
         irradiance: Vec3,
+        /// As for a patch, per steradian.
+        density: f32,
     },
 }
 
@@ -88,7 +93,7 @@ impl Lights {
                 let (wi, radiance, pdf) = self.environment_light().sample(place)?;
                 let irradiance = radiance / (pdf * probability);
                 let ray = from_afar(-wi, direction, irradiance, bounds);
-                Some((Source::Distant { wi, irradiance }, ray))
+                Some((Source::Distant { wi, irradiance, density: pdf * probability }, ray))
             }
         }
     }
@@ -168,6 +173,8 @@ impl AreaEmitter {
         let back = both && rest < 0.5;
         let normal = if back { -normal } else { normal };
         let radiance = material.visible_emission(&met.coordinates(material, placement, 0.0), !back);
+        // Rays that find the light ask for the density of places, not of sides.
+        let density = probability * area_pdf / weight;
         let pdf = probability * area_pdf * if both { 0.5 } else { 1.0 };
         let radiance = radiance * (weight / pdf);
         if !(radiance.is_finite() && radiance != Vec3::ZERO) {
@@ -180,6 +187,6 @@ impl AreaEmitter {
             direction: direction.into(),
             flux: radiance * PI,
         };
-        Some((Source::Patch { position, error, normal, radiance, rim: 0.0 }, Some(ray)))
+        Some((Source::Patch { position, error, normal, radiance, rim: 0.0, density }, Some(ray)))
     }
 }

@@ -194,15 +194,14 @@ impl Lights {
         if self.environment_index.is_some() { self.environment.pdf(direction) } else { 0.0 }
     }
 
-    /// Probability with which [`Self::choose`] picks the environment.
-    pub fn environment_choice(&self) -> f32 {
-        self.environment_index.map_or(0.0, |index| self.choice.probability(index as usize))
+    /// The index of the environment among the emitters, if it is one.
+    pub fn environment_index(&self) -> Option<usize> {
+        self.environment_index.map(|index| index as usize)
     }
 
-    /// Probability of choosing the emitter that is this part of a placement, if it is one, and its index.
-    pub(crate) fn area(&self, placement: u32, part: u32) -> Option<(usize, f32)> {
-        let index = *self.areas.get(&(placement, part))? as usize;
-        Some((index, self.choice.probability(index)))
+    /// The index of the emitter that is this part of a placement, if it is one.
+    pub(crate) fn area(&self, placement: u32, part: u32) -> Option<usize> {
+        self.areas.get(&(placement, part)).map(|&index| index as usize)
     }
 
     /// Probability of a triangle within the emitter.

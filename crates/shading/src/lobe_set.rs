@@ -90,6 +90,11 @@ impl Selection {
         Self { above: alpha, ..Self::ALL }
     }
 
+    /// Those whose α is larger than `above` and at most `up_to`.
+    pub const fn between(above: f32, up_to: f32) -> Self {
+        Self { above, up_to, ..Self::ALL }
+    }
+
     /// Those that are in `lobes` too.
     pub const fn among(self, lobes: Lobes) -> Self {
         Self { lobes: Lobes(self.lobes.0 & lobes.0), ..self }

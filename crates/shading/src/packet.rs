@@ -102,6 +102,11 @@ impl Surfaces {
         on_lanes!(self.mode, count, |token, lane| albedo_of::<_>(token, lane, self, which, out));
     }
 
+    /// Whether any of the first `count` lanes has a lobe of a selection.
+    pub fn have(&self, which: Selection, count: usize) -> bool {
+        self.may_have(which) && (0..count).any(|lane| self.bsdf::<f32>((), lane).has_any(which))
+    }
+
     /// Origins for rays that leave towards `directions`, a direction for each of the first `count` lanes.
     pub fn spawn(&self, directions: &Vectors, count: usize, out: &mut Vectors) {
         on_lanes!(self.mode, count, |token, lane| spawn::<_>(token, lane, self, directions, out));

@@ -26,19 +26,29 @@ pub struct Received {
 impl Received {
     /// A bit for each of the first `count` lanes to which any light comes.
     pub fn lit(&self, count: usize) -> u16 {
-        let mut bits = [0_u32; WIDTH];
-        for vectors in [&self.irradiance, &self.gloss] {
-            for channel in [&vectors.x, &vectors.y, &vectors.z] {
-                // All but the sign: nothing is left of zeros of either, and some of a NaN.
-                bits.iter_mut().zip(&channel.0).for_each(|(bits, value)| *bits |= value.to_bits() << 1);
-            }
-        }
-        let mut mask = 0;
-        for (lane, &bits) in bits[..count].iter().enumerate() {
-            mask |= u16::from(bits != 0) << lane;
-        }
-        mask
+        some([&self.irradiance, &self.gloss], count)
     }
+
+    /// A bit for each of the first `count` lanes that reflect any light by lobes other than the diffuse one.
+    pub fn glossy(&self, count: usize) -> u16 {
+        some([&self.gloss], count)
+    }
+}
+
+/// A bit for each of the first `count` lanes in which any channel is not zero.
+fn some<const N: usize>(vectors: [&Vectors; N], count: usize) -> u16 {
+    let mut bits = [0_u32; WIDTH];
+    for vectors in vectors {
+        for channel in [&vectors.x, &vectors.y, &vectors.z] {
+            // All but the sign: nothing is left of zeros of either, and some of a NaN.
+            bits.iter_mut().zip(&channel.0).for_each(|(bits, value)| *bits |= value.to_bits() << 1);
+        }
+    }
+    let mut mask = 0;
+    for (lane, &bits) in bits[..count].iter().enumerate() {
+        mask |= u16::from(bits != 0) << lane;
+    }
+    mask
 }
 
 /// How light from a source is taken.
@@ -48,6 +58,8 @@ pub struct Taking {
     pub bound: f32,
     /// The lobes besides the diffuse one.
     pub gloss: Selection,
+    /// Lobes on either side that send rays of their own: they share light from emitters with them.
+    pub shared: Selection,
 }
 
 /// Light from a source at one point, before the surface's cosine.
@@ -62,6 +74,15 @@ pub struct PointLight {
 }
 
 impl Source {
+    /// One of `count` sources of its kind, among which its light is shared.
+    #[must_use]
+    pub fn among(mut self, count: f32) -> Self {
+        if let Self::Patch { density, .. } | Self::Distant { density, .. } = &mut self {
+            *density *= count;
+        }
+        self
+    }
+
     /// Light at one point.
     pub fn light(&self, at: Vec3) -> PointLight {
         let (wi, (radiance, facing)) = arriving::<f32>((), self, at.into());
@@ -115,15 +136,39 @@ fn receive<F: Real>(
     }
     (radiance * (cos * std::f32::consts::FRAC_1_PI)).store(&mut out.irradiance, lane);
     let rest = taking.gloss.among(Lobes::ALL.without(Lobes::DIFFUSE));
-    let gloss = match surfaces.may_have(rest) {
+    let mut gloss = match surfaces.may_have(rest) {
         true => surfaces.bsdf::<F>(token, lane).evaluate(wi, rest).f_cos * radiance,
         false => Vector::grey(zero),
     };
+    if let Some(density) = density(token, source, arriving.1) {
+        for side in [Lobes::REFLECTING, Lobes::TRANSMITTING] {
+            let which = taking.shared.among(side);
+            if surfaces.may_have(which) {
+                let value = surfaces.bsdf::<F>(token, lane).evaluate(wi, which);
+                let ratio = value.pdf / density;
+                gloss = gloss + value.f_cos * radiance * (ratio * ratio + 1.0).recip();
+            }
+        }
+    }
     gloss.store(&mut out.gloss, lane);
     wi.store(&mut out.wi, lane);
     if let Some(origin) = source.origin() {
         let offset = F::load(token, &surfaces.error, lane).copysign(cos_ng);
         (x + ng * offset - Vector::constant(token, origin)).store(&mut out.way, lane);
+    }
+}
+
+/// Sources of its kind per steradian seen from a point, if rays share their light: infinitely many where no ray would find one.
+/// `facing` is cos / distance² for patches.
+#[inline(always)]
+fn density<F: Real>(token: F::Token, source: &Source, facing: F) -> Option<F> {
+    match *source {
+        Source::Light { .. } => Some(F::constant(token, f32::INFINITY)),
+        Source::Patch { density, .. } if density > 0.0 => {
+            Some(F::constant(token, density) / facing.max(F::constant(token, f32::MIN_POSITIVE)))
+        }
+        Source::Distant { density, .. } if density > 0.0 => Some(F::constant(token, density)),
+        _ => None,
     }
 }
 
@@ -147,7 +192,7 @@ fn arriving<F: Real>(token: F::Token, source: &Source, x: Vector<F>) -> (Vector<
             let (wi, _, weight) = light.arriving::<F>(x);
             (wi, (weight, one * factor))
         }
-        Source::Distant { wi, irradiance } => {
+        Source::Distant { wi, irradiance, .. } => {
             (Vector::constant(token, wi), (Vector::constant(token, irradiance), one))
         }
     }

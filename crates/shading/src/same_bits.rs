@@ -146,7 +146,7 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
         surfaces.sample(u.each_ref(), which, WIDTH, &mut sample);
         texts.push(format!("{value:?} {sample:?}"));
     }
-    let taking = Taking { bound: 2.0, gloss: Selection::above(0.25) };
+    let taking = Taking { bound: 2.0, gloss: Selection::above(0.25), shared: Selection::up_to(0.25) };
     for source in sources() {
         surfaces.receive(&source, &taking, WIDTH, &mut received);
         texts.push(format!("{received:?}"));
@@ -169,8 +169,9 @@ fn sources() -> [Source; 7] {
         normal: Vec3::new(0.6, 0.8, 0.0),
         radiance: Vec3::new(0.5, 1.0, 2.0),
         rim: 0.7,
+        density: 3.0,
     };
-    let distant = Source::Distant { wi: Vec3::new(0.0, 0.6, -0.8), irradiance: Vec3::ONE };
+    let distant = Source::Distant { wi: Vec3::new(0.0, 0.6, -0.8), irradiance: Vec3::ONE, density: 2.0 };
     let rotation = Mat3::from_rotation_x(-1.4) * Mat3::from_rotation_z(0.3);
     let profile = Profile {
         photometry: Photometry::C,

@@ -45,8 +45,8 @@ pub struct ShadingScene {
 /// The light that a hit surface is, for multiple importance sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmitterPdf {
-    /// Probability of choosing the emitter.
-    pub choice: f32,
+    /// Index of the emitter.
+    pub emitter: usize,
     /// Density per steradian of sampling the hit point from this emitter.
     pub solid_angle: f32,
 }
@@ -297,7 +297,7 @@ impl ShadingScene {
     /// How light sampling from a point `distance` away would have found what `ray` hit; `None` if it is no light.
     pub fn emitter_pdf(&self, hit: &Hit, ray: &Ray, distance: f32) -> Option<EmitterPdf> {
         let path = hit.path.0 as u32;
-        let (emitter, choice) = self.lights.area(path, hit.geometry)?;
+        let emitter = self.lights.area(path, hit.geometry)?;
         let (placement, part, _) = self.part(hit);
         let moved = placement.at(ray.time);
         let placement = moved.as_ref().unwrap_or(placement);
@@ -306,7 +306,7 @@ impl ShadingScene {
         let probability = self.lights.triangle_probability(emitter, hit.primitive);
         let solid_angle =
             probability * met.area_pdf(placement) * distance * distance / cos.max(f32::MIN_POSITIVE);
-        Some(EmitterPdf { choice, solid_angle })
+        Some(EmitterPdf { emitter, solid_angle })
     }
 
     /// Samples light from one emitter at a point, at `time` in [0, 1] of the shutter interval.

@@ -8,7 +8,7 @@ use heliostat_shading::lanes::Vectors;
 use heliostat_shading::{Illumination, SamplePoints, Scattering, Surfaces};
 
 use crate::eye::{Arrived, DULL, EyeWalk, Lighting, MIRRORS, SIDES, WeightedRay};
-use crate::mis::power_heuristic;
+use crate::mis::{Visits, power_heuristic};
 use crate::region::{PixelSum, Region, Settings, View, walk};
 use crate::shadow::{PendingLight, ShadowBatch};
 
@@ -50,7 +50,9 @@ impl AllLights {
 }
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
-    const SHARES_MIRRORS: bool = true;
+    fn visits(&self) -> Visits<'_> {
+        Visits::All
+    }
 
     fn follows_mirrors(&self) -> bool {
         self.shadowed
@@ -71,7 +73,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
         arrived: Arrived<'_>,
         surfaces: &Surfaces,
         sums: &mut [PixelSum],
-    ) {
+    ) -> bool {
         let (scene, count) = (view.scene, arrived.count());
         let Self { shadowed, shadows, points, light, values, origins } = self;
         for emitter in 0..scene.lights().len() {
@@ -114,6 +116,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
         if self.shadows.len() >= SHADOW_BATCH {
             self.trace(view, sums);
         }
+        true
     }
 
     fn find(&mut self, _: &WeightedRay, radiance: Vec3, sum: &mut PixelSum) {

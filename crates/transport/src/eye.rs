@@ -105,8 +105,8 @@ impl<'a> Arrived<'a> {
 
 /// How surfaces are lit.
 pub(crate) trait Lighting<Q: ?Sized> {
-    /// Whether it weighs light that it samples against light that rays of sharp lobes find.
-    const SHARES_MIRRORS: bool;
+    /// How often it samples the light of each emitter for sharp lobes, where it shares that with their rays.
+    fn visits(&self) -> Visits<'_>;
 
     /// Whether rays are sent on by mirrors and glass.
     fn follows_mirrors(&self) -> bool {
@@ -119,14 +119,15 @@ pub(crate) trait Lighting<Q: ?Sized> {
     /// The group of a pixel, by its index in the region.
     fn group(&self, pixel: u32) -> usize;
 
-    /// Lights the surfaces of a packet, now or at the end of the group.
+    /// Lights the surfaces of a packet, now or at the end of the group. Returns whether light that it samples is shared with rays
+    /// of sharp lobes that find it too.
     fn packet(
         &mut self,
         view: &View<'_, Q>,
         arrived: Arrived<'_>,
         surfaces: &Surfaces,
         sums: &mut [PixelSum],
-    );
+    ) -> bool;
 
     /// Adds light that a ray found by itself.
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, sum: &mut PixelSum);
@@ -221,7 +222,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
         let scene = self.view.scene;
         self.in_flight.fill(0);
         for (ray, hit) in rays.iter().zip(hits).filter(|(_, hit)| !hit.is_hit()) {
-            let radiance = environment(scene, Visits::All, &ray.scattered(hit));
+            let radiance = environment(scene, self.lighting.visits(), &ray.scattered(hit));
             self.lighting.find(ray, ray.weight * radiance, &mut sums[ray.pixel as usize]);
         }
         let mut shader = std::mem::take(&mut self.shader);
@@ -289,9 +290,9 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
             let count = self.arrive(&packet, rays, hits, surfaces, (sums, first_sample));
             if count > 0 {
                 let arrived = Arrived { rays, lanes: &packet.hits[..count] };
-                self.lighting.packet(self.view, arrived, surfaces, sums);
+                let shared = self.lighting.packet(self.view, arrived, surfaces, sums);
                 if self.lighting.follows_mirrors() {
-                    self.reflect(arrived, surfaces, (points, samples), origins);
+                    self.reflect((arrived, shared), surfaces, (points, samples), origins);
                 }
             }
         }
@@ -372,17 +373,19 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         let emission = surfaces.emission(lane);
         let mut radiance = surfaces.ambient(lane) + self.ambient * surfaces.albedo(lane);
         if emission != Vec3::ZERO {
-            radiance += emission * emission_weight(self.view.scene, Visits::All, &ray.scattered(hit), hit);
+            let visits = self.lighting.visits();
+            radiance += emission * emission_weight(self.view.scene, visits, &ray.scattered(hit), hit);
         }
         if radiance != Vec3::ZERO {
             self.lighting.find(ray, ray.weight * radiance, sum);
         }
     }
 
-    /// One ray for the reflecting and one for the transmitting lobes that are sharp enough.
+    /// One ray for the reflecting and one for the transmitting lobes that are sharp enough. `shared` says whether light that they
+    /// find is sampled too.
     fn reflect(
         &mut self,
-        arrived: Arrived<'_>,
+        (arrived, shared): (Arrived<'_>, bool),
         surfaces: &Surfaces,
         (points, samples): (&mut SamplePoints, &mut ScatteredPacket),
         origins: &mut Vectors,
@@ -405,7 +408,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                     ray: Ray::new(origins.get(lane), samples.wi.get(lane)).at_time(ray.ray.time),
                     cone: Cone { spread: ray.cone.spread + 0.5 * samples.alpha.0[lane], ..ray.cone },
                     weight: ray.weight * samples.weight.get(lane),
-                    scatter_pdf: if L::SHARES_MIRRORS { samples.pdf.0[lane] } else { 0.0 },
+                    scatter_pdf: if shared { samples.pdf.0[lane] } else { 0.0 },
                     passed_distance: 0.0,
                     passed: 0,
                     branch: ray.branch.wrapping_mul(2).wrapping_add(side as u32),

@@ -7,13 +7,26 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray};
 use heliostat_shading::ShadingScene;
 
-/// Which emitters light sampling visits at a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Visits {
-    /// One, by chance.
+/// How often light sampling visits each emitter at a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Visits<'a> {
+    /// One of all, by chance.
     One,
     /// Every one.
     All,
+    /// Each so often in the mean.
+    Often(&'a [f32]),
+}
+
+impl Visits<'_> {
+    /// How often in the mean an emitter is visited.
+    fn to(self, scene: &ShadingScene, emitter: usize) -> f32 {
+        match self {
+            Self::One => scene.lights().probability(emitter),
+            Self::All => 1.0,
+            Self::Often(visits) => visits.get(emitter).copied().unwrap_or(0.0),
+        }
+    }
 }
 
 /// How a ray came to its direction.
@@ -36,22 +49,26 @@ pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 /// Weight of the emission of the surface that a scattered ray hit.
-pub(crate) fn emission_weight(scene: &ShadingScene, visits: Visits, scattered: &Scattered, hit: &Hit) -> f32 {
+pub(crate) fn emission_weight(
+    scene: &ShadingScene,
+    visits: Visits<'_>,
+    scattered: &Scattered,
+    hit: &Hit,
+) -> f32 {
     if scattered.pdf == 0.0 {
         return 1.0;
     }
     let Some(light) = scene.emitter_pdf(hit, &scattered.ray, scattered.distance) else { return 1.0 };
-    let choice = if visits == Visits::One { light.choice } else { 1.0 };
-    power_heuristic(scattered.pdf, choice * light.solid_angle)
+    power_heuristic(scattered.pdf, visits.to(scene, light.emitter) * light.solid_angle)
 }
 
 /// Radiance of the environment, weighted, for a scattered ray that hit nothing.
-pub(crate) fn environment(scene: &ShadingScene, visits: Visits, scattered: &Scattered) -> Vec3 {
+pub(crate) fn environment(scene: &ShadingScene, visits: Visits<'_>, scattered: &Scattered) -> Vec3 {
     let lights = scene.lights();
     let radiance = lights.environment(scattered.ray.direction);
     if scattered.pdf == 0.0 || radiance == Vec3::ZERO {
         return radiance;
     }
-    let choice = if visits == Visits::One { lights.environment_choice() } else { 1.0 };
-    radiance * power_heuristic(scattered.pdf, choice * lights.environment_pdf(scattered.ray.direction))
+    let visited = lights.environment_index().map_or(0.0, |index| visits.to(scene, index));
+    radiance * power_heuristic(scattered.pdf, visited * lights.environment_pdf(scattered.ray.direction))
 }

@@ -8,6 +8,7 @@ use heliostat_shading::color::luminance;
 
 use super::Gathered;
 use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
+use crate::mis::Visits;
 use crate::path::{Path, Start, Tracer};
 use crate::region::{PixelSum, View};
 
@@ -51,7 +52,9 @@ impl<'a, Q: RayQuery + ?Sized> ByPaths<'a, Q> {
 }
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
-    const SHARES_MIRRORS: bool = false;
+    fn visits(&self) -> Visits<'_> {
+        Visits::One
+    }
 
     fn groups(&self) -> usize {
         1
@@ -61,9 +64,15 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
         0
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: Arrived<'_>, surfaces: &Surfaces, _: &mut [PixelSum]) {
+    fn packet(
+        &mut self,
+        _: &View<'_, Q>,
+        arrived: Arrived<'_>,
+        surfaces: &Surfaces,
+        _: &mut [PixelSum],
+    ) -> bool {
         if !surfaces.may_have(DULL) {
-            return;
+            return false;
         }
         for (lane, ray) in arrived.rays().enumerate() {
             let surface = surfaces.lane(lane);
@@ -86,6 +95,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByPaths<'_, Q> {
             self.paths.extend(self.tracer.start_at(&surface, DULL, &start));
             self.points.push(Point { pixel: ray.pixel, alpha: ray.alpha, dull, gathered });
         }
+        false
     }
 
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, _: &mut PixelSum) {

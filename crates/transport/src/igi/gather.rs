@@ -4,7 +4,8 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
-use heliostat_shading::{Received, Surfaces, Taking};
+use heliostat_shading::microfacet::SMOOTH_ALPHA;
+use heliostat_shading::{Received, Selection, Surfaces, Taking};
 
 use super::Gathered;
 use super::importance;
@@ -12,7 +13,8 @@ use super::paths::scaled;
 use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
-use crate::eye::{Arrived, DULL, Lighting, WeightedRay};
+use crate::eye::{Arrived, DULL, Lighting, MIRROR_ALPHA, MIRRORS, WeightedRay};
+use crate::mis::Visits;
 use crate::region::{PixelSum, View};
 use crate::shadow::{PendingLight, ShadowBatch};
 
@@ -20,6 +22,8 @@ use crate::shadow::{PendingLight, ShadowBatch};
 const FULL: f32 = 2.0;
 /// Share of the mean importance that every virtual point light of a set has besides its own.
 const SOME_FLOOR: f32 = 0.1;
+/// Sharp lobes that light from a few points of a lamp may fall into.
+const GLOSSY: Selection = Selection::between(SMOOTH_ALPHA, MIRROR_ALPHA);
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
@@ -42,6 +46,8 @@ pub(super) struct Block {
     gloss: Vectors,
     /// Share of the virtual point lights that light it, and of the lanes that short rays and photons light.
     pub(super) share: f32,
+    /// Whether it has sharp lobes alone.
+    mirrors: bool,
     /// Lanes with a weight.
     alive: u16,
     /// Most edges of any lane.
@@ -154,11 +160,12 @@ impl<'a> ByVpls<'a> {
         // Light straight from its source is left as it is: there are many samples of it, and short rays that find a lamp by
         // chance are noise.
         let bound = if vpl.bounces == 0 { f32::INFINITY } else { bound };
-        let taking = Taking { bound, gloss: DULL };
+        let taking = Taking { bound, gloss: DULL, shared: MIRRORS };
         for index in start..end {
             let block = &self.blocks[index];
             let short = block.short_enough(self.max_edges.saturating_sub(vpl.bounces));
-            if short == 0 {
+            // What is lit is seen in mirrors by their rays alone.
+            if short == 0 || (block.mirrors && vpl.bounces > 0) {
                 continue;
             }
             if self.waiting == self.pending.len() {
@@ -166,7 +173,9 @@ impl<'a> ByVpls<'a> {
             }
             let pending = &mut self.pending[self.waiting];
             block.surfaces.receive(&vpl.source, &taking, block.count, &mut pending.received);
-            (pending.block, pending.lanes) = (index, short & pending.received.lit(block.count));
+            let received = &pending.received;
+            let lit = if block.mirrors { received.glossy(block.count) } else { received.lit(block.count) };
+            (pending.block, pending.lanes) = (index, short & lit);
             if pending.lanes == 0 {
                 continue;
             }
@@ -261,6 +270,9 @@ impl<'a> ByVpls<'a> {
     /// Adds the light that photons have brought to a block's lanes: to one sample of each pixel, another one in each.
     fn catch(&mut self, index: usize) {
         let (block, parts) = (&mut self.blocks[index], self.vpls.parts());
+        if block.mirrors {
+            return;
+        }
         for lane in lanes(block.alive) {
             let turn = block.pixels[lane].hashed() ^ self.sample;
             if !block.takes(lane) || turn & (parts - 1) != 0 {
@@ -285,6 +297,10 @@ impl<'a> ByVpls<'a> {
         for lane in 0..block.count {
             let weight = block.weights[lane];
             if weight == Vec3::ZERO {
+                continue;
+            }
+            if block.mirrors {
+                self.gathered[block.pixels[lane] as usize].scattered += weight * block.gloss.get(lane);
                 continue;
             }
             let surfaces = &block.surfaces;
@@ -397,7 +413,9 @@ fn push(tile: &mut Tile, ways: &Vectors, mask: u16) {
 }
 
 impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
-    const SHARES_MIRRORS: bool = false;
+    fn visits(&self) -> Visits<'_> {
+        Visits::Often(&self.vpls.visits)
+    }
 
     fn groups(&self) -> usize {
         self.vpls.sets.len()
@@ -407,9 +425,16 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         usize::from(self.groups[pixel as usize])
     }
 
-    fn packet(&mut self, _: &View<'_, Q>, arrived: Arrived<'_>, surfaces: &Surfaces, _: &mut [PixelSum]) {
-        if !surfaces.may_have(DULL) {
-            return;
+    fn packet(
+        &mut self,
+        _: &View<'_, Q>,
+        arrived: Arrived<'_>,
+        surfaces: &Surfaces,
+        _: &mut [PixelSum],
+    ) -> bool {
+        let mirrors = !surfaces.may_have(DULL);
+        if mirrors && !surfaces.have(GLOSSY, arrived.count()) {
+            return false;
         }
         if self.used == self.blocks.len() {
             self.blocks.push(Block::default());
@@ -417,7 +442,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         let block = &mut self.blocks[self.used];
         self.used += 1;
         block.surfaces.clone_from(surfaces);
-        block.count = arrived.count();
+        (block.count, block.mirrors) = (arrived.count(), mirrors);
         block.surfaces.albedo_of(DULL, block.count, &mut block.dull_albedo);
         for (lane, ray) in arrived.rays().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
@@ -429,6 +454,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         let group = usize::from(self.groups[arrived.ray(0).pixel as usize]);
         [block.point, ..] = self.vpls.points[self.vpls.part(group, self.sample)];
         (block.irradiance, block.gloss) = (Vectors::default(), Vectors::default());
+        true
     }
 
     fn find(&mut self, ray: &WeightedRay, radiance: Vec3, _: &mut PixelSum) {

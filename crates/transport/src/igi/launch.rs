@@ -155,7 +155,8 @@ mod tests {
     use heliostat_shading::Sampler;
 
     fn patch(position: Vec3, normal: Vec3) -> Vpl {
-        let source = Source::Patch { position, error: 0.0, normal, radiance: Vec3::ONE, rim: 0.0 };
+        let source =
+            Source::Patch { position, error: 0.0, normal, radiance: Vec3::ONE, rim: 0.0, density: 0.0 };
         Vpl { source, bounces: 1 }
     }
 

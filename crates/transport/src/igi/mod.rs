@@ -220,6 +220,7 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         let paths = PathPlan {
             sets: n * m,
             paths: self.igi.paths,
+            kept: self.igi.paths,
             pass: self.pass.wrapping_add(self.before),
             seed: self.settings.seed,
             max_bounces: max_edges.saturating_sub(2),

@@ -32,6 +32,8 @@ pub(super) struct PathPlan {
     pub(super) sets: u32,
     /// Light paths of each.
     pub(super) paths: u32,
+    /// How many of these are kept in the mean.
+    pub(super) kept: u32,
     /// Which pass: each continues the sequence where the last one ended.
     pub(super) pass: u32,
     pub(super) seed: u32,
@@ -147,7 +149,7 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         let place = [triangle, u, v, u_direction, v_direction];
         let (source, ray) = scene.emit((emitter, probability), place)?;
         let share = 1.0 / plan.paths as f32;
-        let source = scaled(source, share);
+        let source = scaled(source, share).among(plan.kept as f32);
         match &source {
             Source::Light { .. } if exact => {}
             Source::Light { .. } => self.light(emitter, source, set, number),
@@ -210,7 +212,10 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         let radiance = walker.flux * Vec3::from(reflectance) * std::f32::consts::FRAC_1_PI;
         if radiance.is_finite() && radiance != Vec3::ZERO {
             let (position, normal) = (surface.position.into(), surface.ng().into());
-            self.leave(Source::Patch { position, error: surface.error, normal, radiance, rim }, walker);
+            self.leave(
+                Source::Patch { position, error: surface.error, normal, radiance, rim, density: 0.0 },
+                walker,
+            );
         }
         if walker.bounces >= self.plan.max_bounces.min(MAX_BOUNCES) {
             return false;

@@ -208,7 +208,8 @@ impl Compared {
         self.received.resize_with(some.len(), Received::default);
         for (vpl, received) in some.zip(&mut self.received) {
             let bound = if vpl.bounces > 0 { bound } else { f32::INFINITY };
-            let taking = Taking { bound, gloss: Selection::ALL.among(Lobes::NONE) };
+            let none = Selection::ALL.among(Lobes::NONE);
+            let taking = Taking { bound, gloss: none, shared: none };
             surfaces.receive(&vpl.source, &taking, count, received);
         }
     }

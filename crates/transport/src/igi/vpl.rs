@@ -102,6 +102,8 @@ pub(super) struct VplSets {
     /// Sample points of each part of each set for the short rays of its pixels. Like the virtual point lights they are few and shared:
     /// neighbours together have a well distributed handful, and what is left of the noise is smooth.
     pub(super) points: Vec<[[f32; 4]; LEVELS]>,
+    /// How many virtual point lights of a set are on each emitter, in the mean.
+    pub(super) visits: Vec<f32>,
     /// Rays traced to make them.
     pub(super) rays: u64,
 }
@@ -164,6 +166,12 @@ impl VplSets {
         let paths = PathPlan { paths: plan.paths.paths * times, ..plan.paths };
         let mut sight = Sight::new(view, seed.wrapping_add(pass));
         let lights = if plan.importance { lights::choice(view, &mut sight, &plan.paths) } else { None };
+        let chance = |emitter| match &lights {
+            Some(lights) => lights.probability(emitter),
+            None => view.scene.lights().probability(emitter),
+        };
+        let kept = plan.paths.paths as f32;
+        let visits = (0..view.scene.lights().len()).map(|emitter| kept * chance(emitter)).collect();
         let (candidates, mut rays) = paths::draw(view, &paths, lights.as_ref());
         sight.keep((MOST_PAIRS / candidates.len().max(1)).max(1));
         let (contributions, traced) = Contributions::new(view, &candidates, &sight);
@@ -193,7 +201,7 @@ impl VplSets {
         let own = |set: Vec<Candidate>| set.into_iter().map(|candidate| candidate.vpl).collect();
         let sets = kept.into_iter().map(own).collect();
         let candidates = own(candidates);
-        Self { sets, parts: plan.parts, dealt, turns, candidates, bound, points, rays }
+        Self { sets, parts: plan.parts, dealt, turns, candidates, bound, points, visits, rays }
     }
 }
 
@@ -223,7 +231,7 @@ mod tests {
     fn the_parts_of_a_set_are_as_bright_as_it() {
         let candidate = |(bounces, threshold)| {
             let (position, normal, radiance) = (Vec3::ZERO, Vec3::Z, Vec3::ONE);
-            let source = Source::Patch { position, error: 0.0, normal, radiance, rim: 0.0 };
+            let source = Source::Patch { position, error: 0.0, normal, radiance, rim: 0.0, density: 0.0 };
             Candidate { vpl: Vpl { source, bounces }, set: 0, threshold }
         };
         let mut set = vec![candidate((0, None))];
