@@ -13,6 +13,8 @@ use super::Gathered;
 
 /// Normals may differ by this much: cosine.
 const LEAST_COSINE: f32 = 0.9;
+/// The same where gloss is shared: a bump's or a flake's is noise to the eye.
+const LEAST_GLOSSY_COSINE: f32 = 0.5;
 /// The same for surfaces seen in mirrors and through glass.
 const LEAST_MIRRORED_COSINE: f32 = 0.5;
 /// A neighbour may lie off the tangent plane by this share of its distance from the camera.
@@ -57,13 +59,16 @@ impl Window<'_> {
         let scale = PLANE_DISTANCE * center.position.distance(self.eye);
         // The pixel itself always counts; each as much as it has samples of the surface.
         let mut sum = Light::default();
-        let mut count = 0.0;
-        let mut add = |tap: &Gathered| {
-            sum.irradiance += tap.irradiance * tap.coverage;
+        let (mut count, mut gloss_count) = (0.0, 0.0);
+        let mut add = |tap: &Gathered, diffuse: bool| {
+            if diffuse {
+                sum.irradiance += tap.irradiance * tap.coverage;
+                count += tap.coverage;
+            }
             sum.gloss += (tap.gloss + tap.scattered) * tap.coverage;
-            count += tap.coverage;
+            gloss_count += tap.coverage;
         };
-        add(center);
+        add(center, true);
         for dy in -(m / 2)..m - m / 2 {
             for dx in -(n / 2)..n - n / 2 {
                 if (dx, dy) == (0, 0) {
@@ -72,15 +77,20 @@ impl Window<'_> {
                 // The same set lies one pattern further on, on the other side.
                 let (other_x, other_y) = (dx - n * dx.signum(), dy - m * dy.signum());
                 let stand_ins = [(dx, dy), (other_x, dy), (dx, other_y), (other_x, other_y)];
-                let tap = stand_ins.into_iter().find_map(|(dx, dy)| {
-                    let tap = self.at(x as i32 + dx, y as i32 + dy)?;
-                    is_alike(center, tap, scale).then_some(tap)
-                });
-                tap.into_iter().for_each(&mut add);
+                let find = |least_cosine| {
+                    stand_ins.into_iter().find_map(|(dx, dy)| {
+                        let tap = self.at(x as i32 + dx, y as i32 + dy)?;
+                        is_within(center, tap, scale, least_cosine).then_some(tap)
+                    })
+                };
+                if let Some(tap) = find(LEAST_COSINE) {
+                    add(tap, true);
+                } else if let Some(tap) = find(LEAST_GLOSSY_COSINE) {
+                    add(tap, false);
+                }
             }
         }
-        let share = 1.0 / count;
-        Light { irradiance: sum.irradiance * share, gloss: sum.gloss * share }
+        Light { irradiance: sum.irradiance / count, gloss: sum.gloss / gloss_count }
     }
 
     fn at(&self, x: i32, y: i32) -> Option<&Gathered> {
@@ -91,6 +101,11 @@ impl Window<'_> {
 
 /// Whether two pixels see the same surface, or ones alike. `scale` is how far off the plane of one the other may lie.
 pub(super) fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
+    is_within(a, b, scale, LEAST_COSINE)
+}
+
+/// The same for normals that differ by some cosine at most.
+fn is_within(a: &Gathered, b: &Gathered, scale: f32, least_cosine: f32) -> bool {
     if b.strength == 0.0 || a.straight != b.straight {
         return false;
     }
@@ -100,5 +115,5 @@ pub(super) fn is_alike(a: &Gathered, b: &Gathered, scale: f32) -> bool {
         return cos > LEAST_MIRRORED_COSINE;
     }
     let way = b.position - a.position;
-    cos > LEAST_COSINE && way.dot(a.normal).abs().max(way.dot(b.normal).abs()) < scale
+    cos > least_cosine && way.dot(a.normal).abs().max(way.dot(b.normal).abs()) < scale
 }

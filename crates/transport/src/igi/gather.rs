@@ -7,7 +7,7 @@ use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::microfacet::SMOOTH_ALPHA;
 use heliostat_shading::{Received, Selection, Surfaces, Taking};
 
-use super::Gathered;
+use super::{CLEAR_ALPHA, Gathered};
 use super::importance;
 use super::paths::scaled;
 use super::photon_map::PhotonMap;
@@ -22,6 +22,8 @@ use crate::shadow::{PendingLight, ShadowBatch};
 const FULL: f32 = 2.0;
 /// Share of the mean importance that every virtual point light of a set has besides its own.
 const SOME_FLOOR: f32 = 0.1;
+/// The lobes whose light neighbours share.
+const SHARED: Selection = Selection::above(CLEAR_ALPHA);
 /// Sharp lobes that light from a few points of a lamp may fall into.
 const GLOSSY: Selection = Selection::between(SMOOTH_ALPHA, MIRROR_ALPHA);
 /// Shadow rays end this share of the way before the point: it lies on a surface.
@@ -38,6 +40,8 @@ pub(super) struct Block {
     pub(super) edges: [u32; WIDTH],
     /// Of the lobes that virtual point lights light.
     dull_albedo: Vectors,
+    /// Of the lobes whose light neighbours share.
+    shared_albedo: Vectors,
     /// Largest GGX α on the way from the eye.
     alphas: [f32; WIDTH],
     /// Sample point for the light that bounds take away, the same for all lanes.
@@ -299,10 +303,6 @@ impl<'a> ByVpls<'a> {
             if weight == Vec3::ZERO {
                 continue;
             }
-            if block.mirrors {
-                self.gathered[block.pixels[lane] as usize].scattered += weight * block.gloss.get(lane);
-                continue;
-            }
             let surfaces = &block.surfaces;
             let albedo = weight * surfaces.diffuse(lane);
             let point = Gathered {
@@ -312,7 +312,7 @@ impl<'a> ByVpls<'a> {
                 position: surfaces.position(lane),
                 normal: surfaces.normal(lane),
                 // Mirrors stand for themselves only where nothing else is seen in them.
-                strength: luminance(weight * (block.dull_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
+                strength: luminance(weight * (block.shared_albedo.get(lane) + 1e-4 * surfaces.albedo(lane))),
                 coverage: 1.0,
                 straight: block.edges[lane] == 1,
                 ..Gathered::default()
@@ -432,7 +432,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         surfaces: &Surfaces,
         _: &mut [PixelSum],
     ) -> bool {
-        let mirrors = !surfaces.may_have(DULL);
+        let mirrors = !surfaces.have(DULL, arrived.count());
         if mirrors && !surfaces.have(GLOSSY, arrived.count()) {
             return false;
         }
@@ -444,6 +444,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         block.surfaces.clone_from(surfaces);
         (block.count, block.mirrors) = (arrived.count(), mirrors);
         block.surfaces.albedo_of(DULL, block.count, &mut block.dull_albedo);
+        block.surfaces.albedo_of(SHARED, block.count, &mut block.shared_albedo);
         for (lane, ray) in arrived.rays().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);
             block.alphas[lane] = ray.alpha;
