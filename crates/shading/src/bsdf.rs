@@ -193,6 +193,13 @@ impl<F: Real> Bsdf<F> {
         }
     }
 
+    /// The GGX α that a selection goes by. An interface counts as sharp however rough: what it lets through cannot be lit past
+    /// the solid itself, but by rays alone.
+    #[inline(always)]
+    fn class(&self, group: usize) -> F {
+        if group == 3 { self.choice[0].splat(0.0) } else { self.alpha(group) }
+    }
+
     /// Probability of each group when only the selected lobes take part, and the sum before normalisation.
     #[inline(always)]
     pub(crate) fn chances(&self, which: Selection) -> ([F; 5], F) {
@@ -201,7 +208,7 @@ impl<F: Real> Bsdf<F> {
         let mut total = zero;
         for (group, chance) in chances.iter_mut().enumerate() {
             if self.has(group) && !which.lobes.intersection(GROUPS[group]).is_empty() {
-                *chance = self.choice[group].only(which.takes(self.alpha(group)));
+                *chance = self.choice[group].only(which.takes(self.class(group)));
                 total = total + *chance;
             }
         }

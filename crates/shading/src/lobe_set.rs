@@ -66,7 +66,7 @@ pub(crate) const GROUPS: [Lobes; 5] = [
 ];
 
 /// Which lobes take part in an evaluation or a sample: those of a set whose GGX α lies in an interval. Diffuse lobes
-/// count as α = 1.
+/// count as α = 1, interfaces of solids as α = 0 however rough they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
     pub(crate) lobes: Lobes,

@@ -5,7 +5,7 @@ use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::microfacet::SMOOTH_ALPHA;
-use heliostat_shading::{Received, Selection, Surfaces, Taking};
+use heliostat_shading::{Lobes, Received, Selection, Surfaces, Taking};
 
 use super::{CLEAR_ALPHA, Gathered};
 use super::importance;
@@ -433,7 +433,8 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         _: &mut [PixelSum],
     ) -> bool {
         let mirrors = !surfaces.have(DULL, arrived.count());
-        if mirrors && !surfaces.have(GLOSSY, arrived.count()) {
+        let glass = Selection::ALL.among(Lobes::GLASS_REFLECT);
+        if mirrors && !surfaces.may_have(glass) && !surfaces.have(GLOSSY, arrived.count()) {
             return false;
         }
         if self.used == self.blocks.len() {
