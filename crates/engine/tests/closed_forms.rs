@@ -139,6 +139,27 @@ fn ambient_terms_are_shown_by_the_classical_renderer_alone() {
 }
 
 #[test]
+fn what_is_unlit_is_seen_and_lights_nothing() {
+    // Under an unlit ceiling dull floors are black, mirrors show it, and it looks as it is from below.
+    for renderer in ["path", "direct", "igi", "path-filtered"] {
+        for (material, expected) in [
+            (Material::diffuse("", Vec3::splat(0.5)), 0.0),
+            (Material::metal("", Vec3::ONE, 0.0), 0.6),
+            (Material { unlit: true, ..Material::diffuse("", Vec3::splat(0.3)) }, 0.3),
+        ] {
+            let mut scene = SceneBuilder::new();
+            add(&mut scene, square(Vec3::ZERO, Vec3::Y, 1.0), material);
+            let ceiling = Material { unlit: true, ..Material::diffuse("", Vec3::splat(0.6)) };
+            add(&mut scene, square(Vec3::Y * 3.0, Vec3::NEG_Y, 3.0), ceiling);
+            let mut request = FrameRequest::new(look_down(1.0, 0.1), 8, 8);
+            (request.renderer, request.samples) = (renderer.into(), 16);
+            let frame = render(scene, &request);
+            assert!((mean(&frame).y - expected).abs() < 1e-3, "{renderer}, {expected}: {}", mean(&frame));
+        }
+    }
+}
+
+#[test]
 fn parallel_plate_view_factor() {
     // Aligned unit squares at distance 1 (Howell, catalogue of view factors, C-11).
     let x: f32 = 1.0;

@@ -59,7 +59,7 @@ pub struct Material {
     pub volume: Option<Volume>,
     /// A transparent layer on top.
     pub clearcoat: Option<Clearcoat>,
-    /// Show `base_color` as it is, without any lighting.
+    /// Show `base_color` as it is, without any lighting. It is seen, in mirrors and through glass too, and lights nothing.
     pub unlit: bool,
     /// The ambient term of classical ray tracing: linear RGB radiance, times the base colour's texture, that the
     /// renderer `direct` adds wherever the surface is, lit or not. It stands for the light between surfaces in scenes

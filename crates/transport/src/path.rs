@@ -10,6 +10,7 @@ use heliostat_shading::{
     Arrival, Cone, HitSorter, SamplePoints, Sampler, Selection, ShadeScratch, ShadingScene, Surface, Surfaces,
 };
 
+use crate::eye::MIRROR_ALPHA;
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
 use crate::region::{CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
 use crate::shadow::{MAX_PASSED, PendingLight, ShadowBatch};
@@ -35,6 +36,8 @@ pub(crate) struct Path {
     /// Distance covered since the last scattering, through surfaces that let the path pass.
     passed_distance: f32,
     passed: u32,
+    /// Whether a dull lobe has sent it on.
+    dull: bool,
 }
 
 /// Where a path starts that does not start at the camera.
@@ -117,6 +120,7 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
             scatter_pdf: 0.0,
             passed_distance: 0.0,
             passed: 0,
+            dull: false,
         }
     }
 
@@ -203,6 +207,7 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
             scatter_pdf: 0.0,
             passed_distance: 0.0,
             passed: 0,
+            dull: false,
         };
         if edges >= self.max_edges {
             return None;
@@ -258,7 +263,9 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
             sum.add_first_hit(surfaces, lane, path.passed_distance + hit.t, first);
         }
         let emission = Vec3::from(surface.emission);
-        if emission != Vec3::ZERO {
+        // What is unlit is seen, in mirrors too, and is no light.
+        let is_seen = || !(path.dull && scene.part(hit).2.source().unlit);
+        if emission != Vec3::ZERO && is_seen() {
             let weight = emission_weight(scene, Visits::One, &path.scattered(hit), hit);
             sum.add_radiance(path.throughput * emission * weight);
         }
@@ -326,6 +333,7 @@ fn scatter(mut path: Path, surface: &Surface<f32>, lobes: Selection, point: [f32
         path.throughput /= survival;
     }
     path.scatter_pdf = sample.pdf;
+    path.dull |= sample.alpha > MIRROR_ALPHA && !sample.transmitted;
     path.passed_distance = 0.0;
     // A rough bounce spreads the footprint; texture lookups behind it may be coarse.
     path.cone.spread += 0.5 * sample.alpha;

@@ -7,12 +7,12 @@ use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::microfacet::SMOOTH_ALPHA;
 use heliostat_shading::{Lobes, Received, Selection, Surfaces, Taking};
 
-use super::{CLEAR_ALPHA, Gathered};
 use super::importance;
 use super::paths::scaled;
 use super::photon_map::PhotonMap;
 use super::residual::Residual;
 use super::vpl::{Vpl, VplSets};
+use super::{CLEAR_ALPHA, Gathered};
 use crate::eye::{Arrived, DULL, Lighting, MIRROR_ALPHA, MIRRORS, WeightedRay};
 use crate::mis::Visits;
 use crate::region::{PixelSum, View};
