@@ -16,8 +16,8 @@ use crate::lobes::kept_by_ggx;
 
 /// Nodes and weights of Gauss and Legendre on [0, 1]: exact for polynomials up to degree 7.
 const NODES: [(f32, f32); 4] = [
-    (0.069_431_844, 0.173_927_42),
-    (0.330_009_48, 0.326_072_58),
+    (0.069_431_84, 0.173_927_42),
+    (0.330_009_5, 0.326_072_58),
     (0.669_990_5, 0.326_072_58),
     (0.930_568_16, 0.173_927_42),
 ];
