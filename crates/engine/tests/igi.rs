@@ -165,6 +165,24 @@ fn photons_bring_the_light_of_mirrors_and_glass() {
 }
 
 #[test]
+fn rough_glass_is_seen_through() {
+    let mut scene = room(Material::diffuse("far", Vec3::splat(0.7)));
+    let glass = scene.material(Material { roughness: 0.8, ..Material::glass("glass", 1.5) });
+    let sphere = Quadric::Sphere { center: Vec3::new(-0.4, -0.2, 0.1), radius: 0.4 };
+    let sphere = scene.quadrics(vec![sphere]);
+    let object = scene.object("ball", [(sphere, glass)]);
+    scene.instance(object, Affine3A::IDENTITY);
+    let mut engine = engine(scene, 2);
+    let request = request(64, IgiOptions { paths: 16, ..IgiOptions::default() });
+    let reference = reference(&mut engine, &request, 512);
+    let frame = render(&mut engine, &request);
+    let ball = |frame: &Frame| mean_of(frame, 17..25, 31..39);
+    assert_close(ball(&frame), ball(&reference), 0.05, "the ball");
+    let all = |frame: &Frame| mean_of(frame, 0..60, 16..60);
+    assert_close(all(&frame), all(&reference), 0.02, "the room");
+}
+
+#[test]
 fn lights_without_area_need_no_sampling() {
     // Under a point light at height h the irradiance is I / h²; of the sun it is what it is.
     let point =

@@ -24,8 +24,8 @@ const NODES: [(f32, f32); 4] = [
 /// Mean of (1 − cos)⁵ over the directions of a diffuse lobe.
 const MEAN_RIM: f32 = 1.0 / 21.0;
 
-/// How a point sends on light by its dull lobes, as a patch does: radiance over irradiance times π along the normal, and by which
-/// share that is less at the horizon, with Schlick's term between.
+/// How a point sends on the light that it receives if taken for a patch: π times radiance over irradiance along the normal, and
+/// by which share that is less at the horizon, with Schlick's term between.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchReflectance {
     /// Along the normal.
@@ -36,8 +36,8 @@ pub struct PatchReflectance {
 
 /// In each method the direction that lobes were made for is where light comes from.
 impl Bsdf<f32> {
-    /// Reflectance of the diffuse lobe for a viewer at a cosine. Exact for dielectrics under a coat or none; metal that is mixed in is
-    /// taken for a dielectric.
+    /// Reflectance of the diffuse lobe for a viewer at a cosine. Exact for dielectrics under a coat or none; metal that is mixed
+    /// in is taken for a dielectric.
     pub(crate) fn diffuse_at(&self, cos: f32) -> Vector<f32> {
         let own = self.normal.dot(self.wo).clamp(1e-5, 1.0);
         let cos = cos.clamp(1e-5, 1.0);
@@ -59,7 +59,7 @@ impl Bsdf<f32> {
         self.diffuse * ratio
     }
 
-    /// What the selected reflecting lobes make of a point that light has reached: gloss is spread as a diffuse lobe of its albedo.
+    /// What the selected reflecting lobes make of a point that light has reached. Gloss is spread as a diffuse lobe of its albedo.
     pub fn as_patch(&self, which: Selection) -> PatchReflectance {
         let (chances, _) = self.chances(which);
         let black = Vector::grey(0.0);

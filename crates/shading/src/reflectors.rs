@@ -26,7 +26,7 @@ pub struct Reflector {
 }
 
 /// All reflectors of a scene, in the order of their placements and parts. Lobes of a roughness (perceptual, the square root
-/// of GGX α) up to `sharp` count.
+/// of GGX α) up to `sharp` count, and interfaces of solids.
 pub(crate) fn list(tables: Tables<'_>, sharp: f32) -> Vec<Reflector> {
     let strengths: Vec<f32> = tables.materials.iter().map(|material| strength(material, sharp)).collect();
     let mut list = Vec::new();
@@ -76,7 +76,8 @@ fn strength(material: &SurfaceMaterial, sharp: f32) -> f32 {
         return DIELECTRIC;
     }
     let mut sum = 0.0;
-    if m.roughness <= sharp || m.metallic_roughness_texture.is_some() {
+    let solid = m.transmission > 0.0 && m.volume.is_some();
+    if solid || m.roughness <= sharp || m.metallic_roughness_texture.is_some() {
         let color = luminance(m.base_color.truncate());
         sum += m.metallic * color + (1.0 - m.metallic) * (DIELECTRIC * m.specular + m.transmission);
     }

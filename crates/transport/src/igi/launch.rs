@@ -17,6 +17,8 @@ use super::vpl::Vpl;
 
 /// Reflectors are brought together in at most 2 to this many clusters.
 const HALVINGS: u32 = 5;
+/// Sources times clusters at most: there are fewer clusters where there are many sources.
+const MOST_PAIRS: usize = 1 << 20;
 
 /// The choice of sources and reflectors.
 pub(super) struct Launches<'a> {
@@ -44,10 +46,11 @@ pub(super) struct Launch<'a> {
 }
 
 impl<'a> Launches<'a> {
-    /// From `sources` to `reflectors`, which are sorted; `None` where no light is sent.
+    /// From `sources` to `reflectors`, whose order may change; `None` where no light is sent.
     pub(super) fn new(sources: Vec<&'a Vpl>, reflectors: &'a mut [Reflector]) -> Option<Self> {
         let mut groups: Vec<&mut [Reflector]> = vec![reflectors];
-        for _ in 0..HALVINGS {
+        let halvings = (MOST_PAIRS / sources.len().max(1)).max(1).ilog2().min(HALVINGS);
+        for _ in 0..halvings {
             groups = groups.into_iter().flat_map(halves).collect();
         }
         let clusters: Vec<Cluster<'_>> =

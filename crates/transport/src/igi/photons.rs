@@ -73,6 +73,9 @@ pub(super) fn trace<Q: RayQuery + ?Sized>(
     vpls: &VplSets,
     plan: &PhotonPlan,
 ) -> (Vec<Photon>, u64) {
+    if plan.count == 0 {
+        return (Vec::new(), 0);
+    }
     let sources: Vec<&Vpl> = vpls.candidates.iter().filter(|vpl| vpl.source.has_flux()).collect();
     let mut reflectors = view.scene.reflectors(MIRROR_ALPHA.sqrt());
     let Some(launches) = Launches::new(sources, &mut reflectors) else { return (Vec::new(), 0) };
