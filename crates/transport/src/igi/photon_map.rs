@@ -11,10 +11,13 @@ use std::f32::consts::PI;
 
 use glam::{IVec3, Vec3};
 use heliostat_kernel::Aabb;
+use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::Whole;
 
 use super::photons::Photon;
 
+/// Times the mean, the most that a photon carries in the first pass.
+const BRIGHTEST: f32 = 12.0;
 /// Radii: the largest, and each half the one before.
 const LEVELS: usize = 8;
 /// Photons in a cell that is fine enough.
@@ -46,11 +49,12 @@ pub(super) struct PhotonMap {
 
 impl PhotonMap {
     /// Of the photons of a pass in a scene of some extent (metres).
-    pub(super) fn new(photons: Vec<Photon>, extent: f32, pass: u32) -> Self {
+    pub(super) fn new(mut photons: Vec<Photon>, extent: f32, pass: u32) -> Self {
         let largest = extent * LARGEST * shrinkage(pass);
         if photons.is_empty() || !(largest.is_finite() && largest > 0.0) {
             return Self::default();
         }
+        bound(&mut photons, pass);
         let mut map = Self { photons, largest, ..Self::default() };
         map.levels = map.choose_levels(extent * LARGEST);
         for &level in &map.levels {
@@ -154,6 +158,19 @@ impl PhotonMap {
     }
 }
 
+/// Bounds what a photon carries to a multiple of the mean, which grows from pass to pass: a rare one that stands for much light
+/// would be a bright spot in the first picture, and the mean of many passes loses nothing.
+fn bound(photons: &mut [Photon], pass: u32) {
+    let mean = photons.iter().map(|photon| luminance(photon.flux)).sum::<f32>() / photons.len().max(1) as f32;
+    let most = BRIGHTEST * mean * (pass as f32 + 1.0);
+    for photon in photons {
+        let flux = luminance(photon.flux);
+        if flux > most {
+            photon.flux *= most / flux;
+        }
+    }
+}
+
 /// How much smaller radii are in a pass than in the first: so that the mean of all passes loses both noise and blur.
 /// Equation 15 of Knaus and Zwicker with α = 2/3.
 fn shrinkage(pass: u32) -> f32 {
@@ -213,6 +230,23 @@ mod tests {
             "paths that are too long"
         );
         assert_eq!(map.irradiance(Vec3::new(5.0, 0.3, 0.5), Vec3::Y, 9), Vec3::ZERO, "far away");
+    }
+
+    #[test]
+    fn a_photon_that_outshines_all_is_bounded_at_first() {
+        for (pass, expected) in [(0, 12.0), (1, 24.0), (1000, 1000.0)] {
+            let mut photons = even(999);
+            photons.iter_mut().for_each(|photon| photon.flux = Vec3::ONE);
+            photons.push(Photon { flux: Vec3::splat(1000.0), ..photons[0] });
+            bound(&mut photons, pass);
+            // The mean is 2.
+            let brightest = photons[999].flux.x;
+            assert!(
+                (brightest / (expected * 1.999_f32).min(1000.0) - 1.0).abs() < 1e-3,
+                "{pass}: {brightest}"
+            );
+            assert!(photons[..999].iter().all(|photon| photon.flux == Vec3::ONE));
+        }
     }
 
     #[test]
