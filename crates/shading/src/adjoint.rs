@@ -10,7 +10,7 @@
 use std::f32::consts::FRAC_1_PI;
 
 use crate::bsdf::{Bsdf, BsdfSample, Reflection};
-use crate::lanes::Vector;
+use crate::lanes::{Real, Vector};
 use crate::lobe_set::{Lobes, Selection};
 use crate::lobes::kept_by_ggx;
 
@@ -21,17 +21,107 @@ const NODES: [(f32, f32); 4] = [
     (0.669_990_5, 0.326_072_58),
     (0.930_568_16, 0.173_927_42),
 ];
+/// Lobes at angles beyond are as at this cosine: both sides of a quotient vanish there.
+const LEAST_COSINE: f32 = 1e-4;
+/// Gloss of at most this GGX α is nearly the same from either end: what multiple scattering gives back is little.
+const ALIKE: f32 = 0.25;
+/// Cosines at which what lobes keep is interpolated exactly.
+const KEPT_AT: [f32; 4] = [0.05, 0.3, 0.65, 1.0];
 /// Mean of (1 − cos)⁵ over the directions of a diffuse lobe.
-const MEAN_RIM: f32 = 1.0 / 21.0;
+pub(crate) const MEAN_RIM: f32 = 1.0 / 21.0;
 
-/// How a point sends on the light that it receives if taken for a patch: π times radiance over irradiance along the normal, and
-/// by which share that is less at the horizon, with Schlick's term between.
+/// How a point sends on the light that it receives if taken for a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchReflectance {
-    /// Along the normal.
-    pub normal: Vector<f32>,
-    /// In [0, 1].
+    /// Of the diffuse lobe: π times radiance over irradiance along the normal.
+    pub diffuse: Vector<f32>,
+    /// By which share that is less at the horizon, with Schlick's term between; in [0, 1].
     pub rim: f32,
+    /// The other lobes, if there are any.
+    pub gloss: Option<PatchGloss>,
+}
+
+/// Rough lobes of a point that light has reached from one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchGloss {
+    /// Unit vector towards where the light came from.
+    wo: Vector<f32>,
+    /// The base's and the coat's.
+    lobes: [Option<PatchLobe>; 2],
+    /// Share of the light that they reflect.
+    pub(crate) albedo: Vector<f32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct PatchLobe {
+    normal: Vector<f32>,
+    /// Without what multiple scattering gives back.
+    lobe: Reflection<f32>,
+    /// What single scattering keeps of white light, by powers of the viewer's cosine.
+    kept: [f32; 4],
+}
+
+impl PatchLobe {
+    /// From a lobe made for a viewer at a cosine. It is taken for one of a single kind, metal or dielectric, under no coat.
+    fn new(normal: Vector<f32>, lobe: &Reflection<f32>, cos: f32) -> Self {
+        let kept = |cos| kept_by_ggx(cos, lobe.alpha).iter().sum::<f32>();
+        let lost = 1.0 / kept(cos).max(1e-3) - 1.0;
+        // What is stored is f0 + lost · f0².
+        let single = |f0: f32| 2.0 * f0 / (1.0 + (1.0 + 4.0 * lost * f0).sqrt());
+        let f0 = Vector::new(single(lobe.f0.x), single(lobe.f0.y), single(lobe.f0.z));
+        let given = |f0: f32| 1.0 / (1.0 + lost * f0);
+        let given = Vector::new(given(f0.x), given(f0.y), given(f0.z));
+        let single = Reflection { f0, f90: lobe.f90 * given, alpha: lobe.alpha };
+        Self { normal, lobe: single, kept: cubic(KEPT_AT, KEPT_AT.map(kept)) }
+    }
+
+    /// Of light towards a unit vector: f · cos, and the cosine. `wo` is where it came from.
+    #[inline(always)]
+    fn value<F: Real>(&self, token: F::Token, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
+        let constant = |v: Vector<f32>| Vector::<F>::constant(token, v.into());
+        let normal = constant(self.normal);
+        let (f0, f90) = (constant(self.lobe.f0), constant(self.lobe.f90));
+        let lobe = Reflection { f0, f90, alpha: F::constant(token, self.lobe.alpha) };
+        let (f_cos, _) = lobe.value(normal, wo, wi);
+        let cos = normal.dot(wi).max(F::constant(token, LEAST_COSINE));
+        let [a, b, c, d] = self.kept;
+        let kept = ((cos * d + c) * cos + b) * cos + a;
+        let lost = kept.recip() - 1.0;
+        (f_cos * (f0 * lost + Vector::grey(F::constant(token, 1.0))), cos)
+    }
+}
+
+impl PatchGloss {
+    /// Radiance over irradiance towards a unit vector, 1/sr: what the lobes make of light for a viewer there.
+    #[inline(always)]
+    pub(crate) fn towards<F: Real>(&self, token: F::Token, direction: Vector<F>) -> Vector<F> {
+        let wo = Vector::<F>::constant(token, self.wo.into());
+        let mut sum = Vector::grey(F::constant(token, 0.0));
+        for lobe in self.lobes.iter().flatten() {
+            let (f_cos, cos) = lobe.value(token, wo, direction);
+            sum = sum + f_cos * cos.recip();
+        }
+        sum
+    }
+}
+
+/// The polynomial through four points, by powers.
+fn cubic(at: [f32; 4], values: [f32; 4]) -> [f32; 4] {
+    // Newton's divided differences, then expanded.
+    let mut differences = values;
+    for order in 1..4 {
+        for i in (order..4).rev() {
+            differences[i] = (differences[i] - differences[i - 1]) / (at[i] - at[i - order]);
+        }
+    }
+    let mut powers = [0.0; 4];
+    for i in (0..4).rev() {
+        for power in (1..4).rev() {
+            powers[power] = powers[power - 1] - at[i] * powers[power];
+        }
+        powers[0] = differences[i] - at[i] * powers[0];
+    }
+    powers
 }
 
 /// In each method the direction that lobes were made for is where light comes from.
@@ -59,19 +149,24 @@ impl Bsdf<f32> {
         self.diffuse * ratio
     }
 
-    /// What the selected reflecting lobes make of a point that light has reached. Gloss is spread as a diffuse lobe of its albedo.
+    /// What the selected reflecting lobes make of a point that light has reached.
     pub fn as_patch(&self, which: Selection) -> PatchReflectance {
         let (chances, _) = self.chances(which);
         let black = Vector::grey(0.0);
-        let mut spread = black;
-        let own = self.normal.dot(self.wo).clamp(1e-5, 1.0);
-        for (chance, lobe) in [(chances[1], &self.specular), (chances[2], &self.coat)] {
-            if chance > 0.0 {
-                spread = spread + reflected(lobe, own);
-            }
-        }
+        let mut albedo = black;
+        let mut gloss = |chance: f32, normal: Vector<f32>, lobe: &Reflection<f32>| {
+            (chance > 0.0).then(|| {
+                let cos = normal.dot(self.wo).clamp(1e-5, 1.0);
+                albedo = albedo + reflected(lobe, cos);
+                PatchLobe::new(normal, lobe, cos)
+            })
+        };
+        let lobes =
+            [gloss(chances[1], self.normal, &self.specular), gloss(chances[2], self.coat_normal, &self.coat)];
+        let any = lobes.iter().any(Option::is_some);
+        let gloss = any.then_some(PatchGloss { wo: self.wo, lobes, albedo });
         if chances[0] == 0.0 {
-            return PatchReflectance { normal: spread, rim: 0.0 };
+            return PatchReflectance { diffuse: black, rim: 0.0, gloss };
         }
         let mean = NODES
             .iter()
@@ -80,10 +175,7 @@ impl Bsdf<f32> {
         let rim =
             if along > 0.0 { ((1.0 - mean.luminance() / along) / MEAN_RIM).clamp(0.0, 1.0) } else { 0.0 };
         // The mean is what counts: it is kept whatever the shape.
-        let diffuse = mean.scaled(1.0 / (1.0 - rim * MEAN_RIM));
-        let normal = diffuse + spread;
-        let share = diffuse.luminance() / normal.luminance();
-        PatchReflectance { normal, rim: if share.is_finite() { rim * share } else { 0.0 } }
+        PatchReflectance { diffuse: mean.scaled(1.0 / (1.0 - rim * MEAN_RIM)), rim, gloss }
     }
 
     /// Samples where light goes on. Its weight is for flux: refraction does not squeeze it as it does radiance.
@@ -91,12 +183,30 @@ impl Bsdf<f32> {
         let mut sample = self.sample(u_lobe, u, which);
         if sample.transmitted {
             sample.weight = sample.weight.scaled(self.transmitted_eta().powi(2));
-        } else if sample.pdf > 0.0 && self.chances(which).0[0] > 0.0 {
-            let cos = self.normal.dot(sample.wi).max(0.0);
-            let more = self.diffuse_at(cos) - self.diffuse;
-            sample.weight = sample.weight + more.scaled(cos * FRAC_1_PI / sample.pdf);
+        } else if sample.pdf > 0.0 {
+            let more = self.more_onward(sample.wi, which);
+            sample.weight = sample.weight + more.scaled(1.0 / sample.pdf);
         }
         sample
+    }
+
+    /// By how much f · cos of the selected lobes for a viewer at `wi` is more than for one at `wo`.
+    fn more_onward(&self, wi: Vector<f32>, which: Selection) -> Vector<f32> {
+        let (chances, _) = self.chances(which);
+        let mut more = Vector::grey(0.0);
+        if chances[0] > 0.0 {
+            let cos = self.normal.dot(wi).max(0.0);
+            more = (self.diffuse_at(cos) - self.diffuse).scaled(cos * FRAC_1_PI);
+        }
+        let lobes = [(chances[1], self.normal, &self.specular), (chances[2], self.coat_normal, &self.coat)];
+        for (_, normal, lobe) in
+            lobes.into_iter().filter(|(chance, _, lobe)| *chance > 0.0 && lobe.alpha > ALIKE)
+        {
+            let cos = normal.dot(self.wo).clamp(1e-5, 1.0);
+            let (there, _) = PatchLobe::new(normal, lobe, cos).value((), self.wo, wi);
+            more = more + there - lobe.value(normal, self.wo, wi).0;
+        }
+        more
     }
 }
 

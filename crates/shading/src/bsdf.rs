@@ -9,11 +9,14 @@ use crate::basis::Basis;
 use crate::fresnel::{dielectric, reflect, refract, schlick_weight};
 use crate::lanes::{Mask, Real, Vector};
 use crate::lobe_set::{GROUPS, Lobes, Selection};
-use crate::microfacet::{SMOOTH_ALPHA, density, masking, masking_shadowing, sample_visible, visible_density};
+use crate::microfacet::{SMOOTH_ALPHA, masking, reflection, sample_visible, visible_density};
 use crate::sampling::{ONE_MINUS_EPSILON, cosine_hemisphere};
 
+/// `wo` is kept off the horizon by this cosine where formulas divide by it.
+const LEAST_COSINE: f32 = 1e-5;
+
 /// GGX reflection with Schlick's Fresnel term between `f0` and `f90`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reflection<F> {
     pub(crate) f0: Vector<F>,
     pub(crate) f90: Vector<F>,
@@ -246,10 +249,10 @@ impl<F: Real> Bsdf<F> {
                 let pdf = self.normal.dot(wi).positive().only(above) * FRAC_1_PI;
                 (self.diffuse * pdf, pdf)
             }
-            1 => only(self.specular.value(&Basis::from_normal(self.normal), self.wo, wi), above),
-            2 => only(self.coat.value(&Basis::from_normal(self.coat_normal), self.wo, wi), above),
+            1 => only(self.specular.value(self.normal, self.wo, wi), above),
+            2 => only(self.coat.value(self.coat_normal, self.wo, wi), above),
             3 => self.glass.value(&Basis::from_normal(self.normal), self.wo, wi, lobes, above),
-            _ => only(self.thin.value(&Basis::from_normal(self.normal), self.wo, wi), !above),
+            _ => only(self.thin.value(self.normal, self.wo, wi), !above),
         }
     }
 
@@ -349,7 +352,7 @@ fn only<F: Real>((f_cos, pdf): (Vector<F>, F), mask: F::Mask) -> (Vector<F>, F) 
 #[inline(always)]
 fn local_wo<F: Real>(basis: &Basis<F>, wo: Vector<F>) -> Vector<F> {
     let local = basis.to_local(wo);
-    Vector::new(local.x, local.y, local.z.max(local.z.splat(1e-5)))
+    Vector::new(local.x, local.y, local.z.max(local.z.splat(LEAST_COSINE)))
 }
 
 #[inline(always)]
@@ -369,9 +372,10 @@ impl<F: Real> Reflection<F> {
         self.f0.mix(self.f90, schlick_weight(cos))
     }
 
+    /// f · cos θi and the density of sampling it.
     #[inline(always)]
-    fn value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
-        let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
+    pub(crate) fn value(&self, normal: Vector<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
+        let (shape, pdf, cos) = ggx_reflection(normal, wo, wi, self.alpha);
         (self.fresnel(cos) * shape, pdf)
     }
 
@@ -391,14 +395,15 @@ impl<F: Real> Reflection<F> {
     }
 }
 
-/// D G2 / (4 cos θo) of GGX reflection (F = 1), its sampling density and the cosine at the microfacet. Local space.
+/// D G2 / (4 cos θo) of GGX reflection (F = 1), its sampling density and the cosine at the microfacet.
 #[inline(always)]
-fn ggx_reflection<F: Real>(wo: Vector<F>, wi: Vector<F>, alpha: F) -> (F, F, F) {
-    let valid = wi.z.gt(wi.z.splat(0.0)) & !is_smooth(alpha);
-    let h = (wo + wi).normalized_or(up(alpha));
-    let common = density(h, alpha) / (wo.z * 4.0);
-    let shape = common * masking_shadowing(wo.z, wi.z, alpha);
-    (shape.only(valid), (masking(wo.z, alpha) * common).only(valid), wo.dot(h).positive())
+fn ggx_reflection<F: Real>(normal: Vector<F>, wo: Vector<F>, wi: Vector<F>, alpha: F) -> (F, F, F) {
+    let (cos_o, cos_i) = (normal.dot(wo).max(alpha.splat(LEAST_COSINE)), normal.dot(wi));
+    let valid = cos_i.gt(cos_i.splat(0.0)) & !is_smooth(alpha);
+    let h = wo + wi;
+    let (shape, pdf) = reflection(normal, h, [cos_o, cos_i], alpha);
+    // Of unit vectors: half of their sum's length.
+    (shape.only(valid), pdf.only(valid), h.length() * 0.5)
 }
 
 #[inline(always)]
@@ -445,7 +450,7 @@ impl<F: Real> Glass<F> {
 
     #[inline(always)]
     fn reflected_value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>, both: bool) -> (Vector<F>, F) {
-        let (shape, pdf, cos) = ggx_reflection(local_wo(basis, wo), basis.to_local(wi), self.alpha);
+        let (shape, pdf, cos) = ggx_reflection(basis.z, wo, wi, self.alpha);
         let reflectance = dielectric(cos, self.eta);
         let value = Vector::grey(self.reflect * reflectance * shape);
         (value, if both { pdf * reflectance } else { pdf })
@@ -514,10 +519,9 @@ impl<F: Real> Glass<F> {
 
 impl<F: Real> ThinTransmission<F> {
     #[inline(always)]
-    fn value(&self, basis: &Basis<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
-        let wi = basis.to_local(wi);
-        let mirrored = Vector::new(wi.x, wi.y, -wi.z);
-        let (shape, pdf, _) = ggx_reflection(local_wo(basis, wo), mirrored, self.alpha);
+    fn value(&self, normal: Vector<F>, wo: Vector<F>, wi: Vector<F>) -> (Vector<F>, F) {
+        let mirrored = wi - normal * (normal.dot(wi) * 2.0);
+        let (shape, pdf, _) = ggx_reflection(normal, wo, mirrored, self.alpha);
         (self.color * shape, pdf)
     }
 

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 use heliostat_scene::{Geometry, LightKind, SceneBounds};
 
+use crate::adjoint::PatchGloss;
 use crate::basis::Basis;
 use crate::lamp::{table, world_from_table};
 use crate::lanes::Vector;
@@ -17,8 +18,8 @@ use crate::sampling::{concentric_disk, cosine_hemisphere, uniform_sphere, unifor
 /// A point from which light is sent: what a shaded point must know to be lit by it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
-    /// A patch of surface: `radiance` · (1 − `rim` (1 − cos)⁵) · cos · cos / distance², where `radiance` stands for radiance
-    /// times area and the first two cosines are those of the patch. Emits to the side of `normal` alone.
+    /// A patch of surface: (`radiance` · (1 − `rim` (1 − cos)⁵) + `flux` · gloss) · cos · cos / distance², where `radiance` stands
+    /// for radiance times area and the first two cosines are those of the patch. Emits to the side of `normal` alone.
     Patch {
         /// World space.
         position: Vec3,
@@ -30,6 +31,8 @@ pub enum Source {
         radiance: Vec3,
         /// Share by which it is darker seen from its horizon: what layers over a diffuse surface keep (Schlick's term).
         rim: f32,
+        /// Light that it reflects by other lobes than the diffuse one: the flux that has reached it, W, and these.
+        gloss: Option<(Vec3, PatchGloss)>,
         /// How many points of its kind there are per m² of the emitter: what multiple importance sampling goes by. 0 where rays
         /// of sharp lobes find all light by themselves.
         density: f32,
@@ -187,6 +190,6 @@ impl AreaEmitter {
             direction: direction.into(),
             flux: radiance * PI,
         };
-        Some((Source::Patch { position, error, normal, radiance, rim: 0.0, density }, Some(ray)))
+        Some((Source::Patch { position, error, normal, radiance, rim: 0.0, gloss: None, density }, Some(ray)))
     }
 }

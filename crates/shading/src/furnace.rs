@@ -9,7 +9,7 @@ use heliostat_scene::{Clearcoat, Material, MaterialId, ShaderUse, Volume};
 
 use crate::bsdf::Bsdf;
 use crate::lanes::{Vector, WIDTH};
-use crate::lobe_set::Selection;
+use crate::lobe_set::{Lobes, Selection};
 use crate::lobes::{Appearance, LobeGeometry, appearance};
 use crate::material::{InterfaceCache, SurfaceMaterial, TextureCoordinates};
 use crate::microfacet::SMOOTH_ALPHA;
@@ -204,6 +204,34 @@ fn diffuse_light_is_the_same_from_either_end() {
 }
 
 #[test]
+fn gloss_is_the_same_from_either_end() {
+    let mut cache = InterfaceCache::new();
+    let gloss = Selection::ALL.among(Lobes::ALL.without(Lobes::DIFFUSE));
+    for roughness in [0.55, 0.7, 0.85, 1.0] {
+        let gold = ("gold", Material::metal("", Vec3::new(1.0, 0.71, 0.29), roughness));
+        // What a coat keeps from gloss below goes by the viewer too.
+        let plain = layered_materials(roughness).into_iter().filter(|(name, _)| *name != "coated plastic");
+        for (name, material) in plain.chain([gold]) {
+            for cos in COSINES {
+                let lit = bsdf(&material, cos, true, &mut cache);
+                let Some(sent) = lit.as_patch(Selection::ALL).gloss else { continue };
+                for (towards, side) in COSINES.into_iter().flat_map(|cos| [(cos, -1.0), (cos, 1.0)]) {
+                    let seen = bsdf(&material, towards, true, &mut cache);
+                    let turned = |w: Vector<f32>| Vector::new(side * w.x, w.y, w.z);
+                    let value = Vec3::from(seen.evaluate(turned(lit.wo), gloss).f_cos) / cos;
+                    let patch = Vec3::from(sent.towards((), turned(seen.wo)));
+                    let error = ((patch - value).abs() / (value + 0.01)).max_element();
+                    assert!(
+                        error < 0.03,
+                        "{name}, {roughness}, from {cos} to {towards}: {patch} for {value}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn light_paths_send_on_what_viewers_see() {
     let mut cache = InterfaceCache::new();
     let cosine_weighted = |f: &mut dyn FnMut(f32) -> Vec3| {
@@ -214,13 +242,13 @@ fn light_paths_send_on_what_viewers_see() {
         for (name, material) in layered_materials(roughness) {
             for cos in [0.2, 0.5, 1.0] {
                 let lit = bsdf(&material, cos, true, &mut cache);
-                let diffuse = Selection::ALL.among(crate::Lobes::DIFFUSE);
+                let diffuse = Selection::ALL.among(Lobes::DIFFUSE);
                 let seen = cosine_weighted(&mut |cos| bsdf(&material, cos, true, &mut cache).diffuse.into());
                 let onward = points(1 << 14).map(|(u_lobe, u)| lit.sample_onward(u_lobe, u.into(), diffuse));
                 let sent = onward.map(|sample| Vec3::from(sample.weight)).sum::<Vec3>() / (1 << 14) as f32;
                 let patch = lit.as_patch(diffuse);
                 let patch = cosine_weighted(&mut |cos| {
-                    Vec3::from(patch.normal) * (1.0 - patch.rim * crate::fresnel::schlick_weight(cos))
+                    Vec3::from(patch.diffuse) * (1.0 - patch.rim * crate::fresnel::schlick_weight(cos))
                 });
                 for (what, found) in [("sampled", sent), ("patch", patch)] {
                     let error = (found - seen).abs().max_element();

@@ -50,7 +50,7 @@ mod surface;
 mod texture;
 pub mod tone;
 
-pub use adjoint::PatchReflectance;
+pub use adjoint::{PatchGloss, PatchReflectance};
 pub use basis::Basis;
 pub use bsdf::{Bsdf, BsdfSample, BsdfValue};
 pub use camera::{
@@ -72,7 +72,7 @@ pub use placement::{Placement, ShadedPart, Sweep};
 pub use point::{Arrival, Points, Probes};
 pub use punctual::PunctualLight;
 pub use quadric::kernel_quadric;
-pub use receive::{PointLight, Received, Taking};
+pub use receive::{PointLight, Received, Receivers, Taking};
 pub use reflectors::Reflector;
 pub use sampler::{SamplePoints, Sampler, Samplers, halves};
 pub use scene::{EmitterPdf, ShadingScene};

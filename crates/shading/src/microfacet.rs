@@ -1,4 +1,4 @@
-//! The isotropic GGX microfacet distribution with Smith masking, in local space (normal = +Z).
+//! The isotropic GGX microfacet distribution with Smith masking; vectors are in local space (normal = +Z).
 //!
 //! # References
 //! Walter et al., "Microfacet Models for Refraction through Rough Surfaces", 2007. Heitz, "Understanding the
@@ -20,6 +20,18 @@ pub fn density<F: Real>(h: Vector<F>, alpha: F) -> F {
     a2 / (s * s * PI)
 }
 
+/// D G2 / (4 cos θo) and the density D G1 / (4 cos θo) of reflection about a microfacet normal along `h`, which need not have unit
+/// length, for the cosines of both directions with the normal. With as few divisions as there are results: these weigh most.
+#[inline(always)]
+pub fn reflection<F: Real>(normal: Vector<F>, h: Vector<F>, [cos_o, cos_i]: [F; 2], alpha: F) -> (F, F) {
+    let (a2, h2, cos_h) = (alpha * alpha, h.length_squared(), normal.dot(h));
+    // sin² by the vector product, as above.
+    let s = (cos_h * cos_h * a2 + normal.cross(h).length_squared()).max(alpha.splat(f32::MIN_POSITIVE));
+    let (above, below) = (a2 * h2 * h2, s * s * (2.0 * PI));
+    let (out, back) = (projected(cos_o, alpha), projected(cos_i, alpha));
+    (above * cos_i / (below * (cos_i * out + cos_o * back)), above / (below * (cos_o + out)))
+}
+
 /// Smith's masking G1 for a direction with cosine `cos` > 0.
 #[inline(always)]
 pub fn masking<F: Real>(cos: F, alpha: F) -> F {
@@ -27,8 +39,7 @@ pub fn masking<F: Real>(cos: F, alpha: F) -> F {
 }
 
 /// Height-correlated masking and shadowing G2 of two directions on the same side.
-#[inline(always)]
-pub fn masking_shadowing<F: Real>(cos_o: F, cos_i: F, alpha: F) -> F {
+pub fn masking_shadowing(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     cos_o * cos_i * 2.0 / (cos_i * projected(cos_o, alpha) + cos_o * projected(cos_i, alpha))
 }
 

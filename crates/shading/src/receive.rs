@@ -1,11 +1,14 @@
 //! What the points of a packet make of light from a source that they share.
 
+use std::f32::consts::FRAC_1_PI;
+
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
+use crate::adjoint::{MEAN_RIM, PatchGloss};
 use crate::emission::Source;
 use crate::fresnel::schlick_weight;
-use crate::lanes::{Packet, Real, Vector, Vectors, WIDTH};
+use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH};
 use crate::lobe_set::{Lobes, Selection};
 use crate::packet::on_lanes;
 use crate::surface::{LaneMode, Surfaces};
@@ -62,6 +65,49 @@ pub struct Taking {
     pub shared: Selection,
 }
 
+/// Points with normals that light from many sources is asked for at: at most as many as a packet has lanes.
+#[derive(Clone, Debug, Default)]
+pub struct Receivers {
+    mode: LaneMode,
+    count: usize,
+    position: Vectors,
+    normal: Vectors,
+}
+
+impl Receivers {
+    /// Of positions and unit normals.
+    ///
+    /// # Panics
+    /// If there are more than [`WIDTH`].
+    pub fn new(mode: LaneMode, points: impl IntoIterator<Item = (Vec3, Vec3)>) -> Self {
+        let mut receivers = Self { mode, ..Self::default() };
+        for (position, normal) in points {
+            receivers.position.set(receivers.count, position);
+            receivers.normal.set(receivers.count, normal);
+            receivers.count += 1;
+        }
+        receivers
+    }
+
+    /// Luminance of the irradiance that a source causes at the points if nothing stands between; zero behind them.
+    pub fn irradiance(&self, source: &Source, out: &mut Floats) {
+        on_lanes!(self.mode, self.count, |token, lane| irradiance::<_>(token, lane, self, source, out));
+    }
+}
+
+#[inline(always)]
+fn irradiance<F: Real>(
+    token: F::Token,
+    lane: usize,
+    receivers: &Receivers,
+    source: &Source,
+    out: &mut Floats,
+) {
+    let (wi, (sent, facing)) = arriving(token, source, Vector::<F>::load(token, &receivers.position, lane));
+    let cos = Vector::load(token, &receivers.normal, lane).dot(wi).positive();
+    (sent.luminance() * facing * cos).store(out, lane);
+}
+
 /// Light from a source at one point, before the surface's cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
@@ -87,6 +133,13 @@ impl Source {
     pub fn light(&self, at: Vec3) -> PointLight {
         let (wi, (radiance, facing)) = arriving::<f32>((), self, at.into());
         PointLight { wi: wi.into(), radiance: radiance.into(), facing }
+    }
+
+    /// Radiance times area of a patch, W/(m² sr) · m², in the mean over the directions that it sends light to.
+    pub fn patch_radiance(&self) -> Option<Vec3> {
+        let Self::Patch { radiance, rim, ref gloss, .. } = *self else { return None };
+        let glossy = |(flux, gloss): &(Vec3, PatchGloss)| *flux * Vec3::from(gloss.albedo) * FRAC_1_PI;
+        Some(radiance * (1.0 - rim * MEAN_RIM) + gloss.as_ref().map_or(Vec3::ZERO, glossy))
     }
 
     /// Whether it sends a flux of light into the scene: lights that shine alike at any distance have none.
@@ -134,7 +187,7 @@ fn receive<F: Real>(
         let kept = F::constant(token, taking.bound) / (cos * arriving.1);
         radiance = radiance * kept.min(F::constant(token, 1.0));
     }
-    (radiance * (cos * std::f32::consts::FRAC_1_PI)).store(&mut out.irradiance, lane);
+    (radiance * (cos * FRAC_1_PI)).store(&mut out.irradiance, lane);
     let rest = taking.gloss.among(Lobes::ALL.without(Lobes::DIFFUSE));
     let mut gloss = match surfaces.may_have(rest) {
         true => surfaces.bsdf::<F>(token, lane).evaluate(wi, rest).f_cos * radiance,
@@ -178,15 +231,18 @@ fn density<F: Real>(token: F::Token, source: &Source, facing: F) -> Option<F> {
 fn arriving<F: Real>(token: F::Token, source: &Source, x: Vector<F>) -> (Vector<F>, (Vector<F>, F)) {
     let one = F::constant(token, 1.0);
     match *source {
-        Source::Patch { position, normal, radiance, rim, .. } => {
+        Source::Patch { position, normal, radiance, rim, ref gloss, .. } => {
             let to_light = Vector::constant(token, position) - x;
             let distance2 = to_light.length_squared();
             let wi = to_light.normalized_or(Vector::grey(F::constant(token, 0.0)));
             let cos = -Vector::constant(token, normal).dot(wi);
             let cos = cos.positive();
             let facing = cos / distance2.max(F::constant(token, f32::MIN_POSITIVE));
-            let kept = one - schlick_weight(cos) * rim;
-            (wi, (Vector::constant(token, radiance) * kept, facing))
+            let mut sent = Vector::constant(token, radiance) * (one - schlick_weight(cos) * rim);
+            if let Some((flux, gloss)) = gloss {
+                sent = sent + Vector::constant(token, *flux) * gloss.towards(token, -wi);
+            }
+            (wi, (sent, facing))
         }
         Source::Light { ref light, factor } => {
             let (wi, _, weight) = light.arriving::<F>(x);

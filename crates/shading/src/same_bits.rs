@@ -147,7 +147,17 @@ fn answers(mode: LaneMode, material: &SurfaceMaterial, packet: usize) -> Vec<Str
         texts.push(format!("{value:?} {sample:?}"));
     }
     let taking = Taking { bound: 2.0, gloss: Selection::above(0.25), shared: Selection::up_to(0.25) };
-    for source in sources() {
+    let patch = surfaces.lane(0).bsdf.as_patch(Selection::ALL);
+    let glossy = Source::Patch {
+        position: Vec3::new(0.2, 0.1, -0.3),
+        error: 1e-5,
+        normal: Vec3::Z,
+        radiance: patch.diffuse.into(),
+        rim: patch.rim,
+        gloss: patch.gloss.map(|gloss| (Vec3::ONE, gloss)),
+        density: 0.0,
+    };
+    for source in sources().into_iter().chain([glossy]) {
         surfaces.receive(&source, &taking, WIDTH, &mut received);
         texts.push(format!("{received:?}"));
     }
@@ -169,6 +179,7 @@ fn sources() -> [Source; 7] {
         normal: Vec3::new(0.6, 0.8, 0.0),
         radiance: Vec3::new(0.5, 1.0, 2.0),
         rim: 0.7,
+        gloss: None,
         density: 3.0,
     };
     let distant = Source::Distant { wi: Vec3::new(0.0, 0.6, -0.8), irradiance: Vec3::ONE, density: 2.0 };

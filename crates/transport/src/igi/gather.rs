@@ -1,16 +1,18 @@
 //! Lighting of whole tiles of points by the virtual point lights of their set.
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
 use heliostat_shading::lanes::{Vectors, WIDTH, Whole};
 use heliostat_shading::microfacet::SMOOTH_ALPHA;
-use heliostat_shading::{Lobes, Received, Selection, Surfaces, Taking};
+use heliostat_shading::{Lobes, Received, Scattering, Selection, Surfaces, Taking};
 
 use super::importance;
 use super::paths::scaled;
-use super::photon_map::PhotonMap;
-use super::residual::Residual;
+use super::photon_map::{Caught, PhotonMap};
+use super::residual::{GLOSS, Residual};
 use super::vpl::{Vpl, VplSets};
 use super::{CLEAR_ALPHA, Gathered};
 use crate::eye::{Arrived, DULL, Lighting, MIRROR_ALPHA, MIRRORS, WeightedRay};
@@ -26,6 +28,8 @@ const SOME_FLOOR: f32 = 0.1;
 const SHARED: Selection = Selection::above(CLEAR_ALPHA);
 /// Sharp lobes that light from a few points of a lamp may fall into.
 const GLOSSY: Selection = Selection::between(SMOOTH_ALPHA, MIRROR_ALPHA);
+/// Light along a surface is as if it came at this cosine: rough lobes reflect none of it.
+const LEAST_COSINE: f32 = 1e-3;
 /// Shadow rays end this share of the way before the point: it lies on a surface.
 const REACH: f32 = 1.0 - 1e-4;
 
@@ -39,7 +43,6 @@ pub(super) struct Block {
     pub(super) weights: [Vec3; WIDTH],
     pub(super) edges: [u32; WIDTH],
     /// Of the lobes that virtual point lights light.
-    dull_albedo: Vectors,
     /// Of the lobes whose light neighbours share.
     shared_albedo: Vectors,
     /// Largest GGX α on the way from the eye.
@@ -47,7 +50,7 @@ pub(super) struct Block {
     /// Sample point for the light that bounds take away, the same for all lanes.
     pub(super) point: [f32; 4],
     pub(super) irradiance: Vectors,
-    gloss: Vectors,
+    pub(super) gloss: Vectors,
     /// Share of the virtual point lights that light it, and of the lanes that short rays and photons light.
     pub(super) share: f32,
     /// Whether it has sharp lobes alone.
@@ -104,6 +107,16 @@ pub(super) struct ByVpls<'a> {
     shadows: ShadowBatch,
     compensate: bool,
     residual: Residual,
+    caught: CaughtLight,
+    scattering: Scattering,
+}
+
+/// What photons bring to lobes other than the diffuse one, each from a direction.
+#[derive(Debug, Default)]
+struct CaughtLight {
+    wi: Vectors,
+    /// Flux per area that faces it, W/m².
+    irradiance: Vectors,
 }
 
 impl<'a> ByVpls<'a> {
@@ -136,6 +149,8 @@ impl<'a> ByVpls<'a> {
             shadows: ShadowBatch::default(),
             compensate,
             residual: Residual::default(),
+            caught: CaughtLight::default(),
+            scattering: Scattering::default(),
         }
     }
 
@@ -273,10 +288,13 @@ impl<'a> ByVpls<'a> {
 
     /// Adds the light that photons have brought to a block's lanes: to one sample of each pixel, another one in each.
     fn catch(&mut self, index: usize) {
-        let (block, parts) = (&mut self.blocks[index], self.vpls.parts());
+        let Self { blocks, caught, scattering, .. } = self;
+        let (block, parts) = (&mut blocks[index], self.vpls.parts());
         if block.mirrors {
             return;
         }
+        let mut any = false;
+        caught.irradiance = Vectors::default();
         for lane in lanes(block.alive) {
             let turn = block.pixels[lane].hashed() ^ self.sample;
             if !block.takes(lane) || turn & (parts - 1) != 0 {
@@ -284,14 +302,28 @@ impl<'a> ByVpls<'a> {
             }
             let (position, normal) = (block.surfaces.position(lane), block.surfaces.normal(lane));
             let max_edges = self.max_edges.saturating_sub(block.edges[lane]);
-            let irradiance = self.photons.irradiance(position, normal, max_edges);
+            // Neighbours of a set take numbers of their own, which change from pass to pass.
+            let u = block.pixels[lane].hashed() as f32 / u32::MAX as f32 + block.point[3];
+            let Caught { irradiance, wi, from_there } =
+                self.photons.caught(position, normal, max_edges, u.fract());
             if irradiance != Vec3::ZERO {
-                let radiance = irradiance * (std::f32::consts::FRAC_1_PI * parts as f32 / block.share);
-                let rough = block.dull_albedo.get(lane) - block.surfaces.diffuse(lane);
+                let weight = parts as f32 / block.share;
+                let radiance = irradiance * (FRAC_1_PI * weight);
                 block.irradiance.set(lane, block.irradiance.get(lane) + radiance);
-                // Rough lobes are taken for diffuse ones of the same albedo.
-                block.gloss.set(lane, block.gloss.get(lane) + radiance * rough.max(Vec3::ZERO));
+                // What of it lobes other than the diffuse one receive, along the normal.
+                let cos = normal.dot(wi).max(LEAST_COSINE);
+                caught.wi.set(lane, wi);
+                caught.irradiance.set(lane, from_there * (weight / cos));
+                any = true;
             }
+        }
+        if !any || !block.surfaces.may_have(GLOSS) {
+            return;
+        }
+        block.surfaces.evaluate(&caught.wi, GLOSS, block.count, scattering);
+        for lane in lanes(block.alive) {
+            let gloss = scattering.f_cos.get(lane) * caught.irradiance.get(lane);
+            block.gloss.set(lane, block.gloss.get(lane) + gloss);
         }
     }
 
@@ -379,18 +411,10 @@ fn some_of(vpls: &[Vpl], bound: f32, blocks: &[Block], budget: f32) -> Vec<Vpl> 
     let floor = SOME_FLOOR * importance.iter().sum::<f32>() / vpls.len().max(1) as f32;
     importance.iter_mut().for_each(|importance| *importance += floor);
     let scale = importance::scale(importance.clone(), budget);
-    // Those under a comb of evenly spaced points of the running sum.
+    let chances: Vec<f32> = importance.iter().map(|importance| scale * importance).collect();
     let [.., shift] = blocks.first().map_or([0.0; 4], |block| block.point);
-    let (mut sum, mut tooth, mut chosen) = (0.0, shift, Vec::new());
-    for (vpl, importance) in vpls.iter().zip(importance) {
-        let chance = (scale * importance).min(1.0);
-        sum += chance;
-        if sum > tooth && chance > 0.0 {
-            tooth += 1.0;
-            chosen.push(Vpl { source: scaled(vpl.source.clone(), 1.0 / chance), ..*vpl });
-        }
-    }
-    chosen
+    let chosen = vpls.iter().zip(importance::comb(&chances, shift)).filter(|&(_, factor)| factor > 0.0);
+    chosen.map(|(vpl, factor)| Vpl { source: scaled(vpl.source.clone(), factor), ..*vpl }).collect()
 }
 
 /// The lanes whose bits are set.
@@ -444,7 +468,6 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for ByVpls<'_> {
         self.used += 1;
         block.surfaces.clone_from(surfaces);
         (block.count, block.mirrors) = (arrived.count(), mirrors);
-        block.surfaces.albedo_of(DULL, block.count, &mut block.dull_albedo);
         block.surfaces.albedo_of(SHARED, block.count, &mut block.shared_albedo);
         for (lane, ray) in arrived.rays().enumerate() {
             (block.pixels[lane], block.weights[lane], block.edges[lane]) = (ray.pixel, ray.weight, ray.edges);

@@ -5,15 +5,15 @@
 //! and strengthened by the inverse. Candidates that nothing seen depends on keep a small probability, so that the mean is
 //! right whatever the points miss.
 //!
-//! Probabilities decide against a number that each candidate has from its place in the sequence: those of like importance
-//! are kept as one block, which is well distributed, and when the view changes little, so does the choice. A candidate
-//! near its threshold counts in part, so that none comes or goes at once.
+//! The candidates of a set stand in the order of their places along a curve through space, each as wide as its probability,
+//! and a comb of evenly spaced teeth picks them (systematic sampling). What is kept is spread as all of them are, and sums up
+//! to what they do. When the view changes little, teeth move on to neighbours, with a soft step: none comes or goes at once.
 //!
 //! # References
 //! Georgiev, Slusallek, "Simple and Robust Iterative Importance Sampling of Virtual Point Lights", 2010. Wald, Benthin,
-//! Slusallek, "Interactive Global Illumination in Complex and Highly Occluded Environments", 2003. Neyman, "On the Two
-//! Different Aspects of the Representative Method", 1934 (allocation by standard deviation). The blocks and the soft
-//! thresholds are ours.
+//! Slusallek, "Interactive Global Illumination in Complex and Highly Occluded Environments", 2003. Madow, "On the Theory of
+//! Systematic Sampling, II", 1949 (with unequal probabilities). Neyman, "On the Two Different Aspects of the Representative
+//! Method", 1934 (allocation by standard deviation). The soft steps are ours.
 
 use heliostat_kernel::RayQuery;
 use rayon::prelude::*;
@@ -23,11 +23,11 @@ use super::vpl::Candidate;
 use crate::region::View;
 
 /// Share of the mean importance that every candidate has besides its own.
-const FLOOR: f32 = 0.5;
+const FLOOR: f32 = 0.25;
 /// Candidates that a thread takes at a time.
 const CHUNK: usize = 64;
-/// Width of the soft thresholds, as a share of the probability on either side.
-const SOFTNESS: f32 = 0.1;
+/// Width of the soft steps between neighbours, as a share of the smaller probability on either side.
+const SOFTNESS: f32 = 0.05;
 
 /// What candidates add at the points that the camera sees.
 #[derive(Debug)]
@@ -46,13 +46,14 @@ impl Contributions {
         candidates: &[Candidate],
         sight: &Sight,
     ) -> (Self, u64) {
-        let points = sight.points();
+        let (points, receivers) = (sight.points(), sight.receivers(view));
         let ask = |(chunk, candidates): (usize, &[Candidate])| {
             let (mut asking, mut added, mut traced) = (Asking::default(), Vec::new(), 0);
             for (index, candidate) in (chunk * CHUNK..).zip(candidates) {
-                traced += asking.light(view, (points, &candidate.vpl.source), |point, irradiance| {
-                    added.push((index as u32, point as u32, irradiance));
-                });
+                traced +=
+                    asking.light(view, (points, &receivers), &candidate.vpl.source, |point, irradiance| {
+                        added.push((index as u32, point as u32, irradiance));
+                    });
             }
             (added, traced)
         };
@@ -93,7 +94,7 @@ impl Contributions {
     }
 
     /// By how much each candidate is to be multiplied, 0 for those that are not kept: one of `times` in the mean. `bound`
-    /// limits geometric terms.
+    /// limits geometric terms; `shifts` place the combs of each set, for candidates on surfaces and on lights.
     ///
     /// Candidates on lights and those on lit surfaces do not compete: what lights bring is larger, but well distributed
     /// over them, so that fewer of them do.
@@ -102,25 +103,33 @@ impl Contributions {
         candidates: &[Candidate],
         sight: &Sight,
         (bound, times): (f32, f32),
+        shifts: &[[f32; 2]],
     ) -> Vec<f32> {
         let importance = self.importance(candidates, sight, bound);
         let of = |direct: bool| {
             let own = candidates.iter().zip(&importance).filter(|(c, _)| c.is_direct() == direct);
-            let own: Vec<f32> = own.filter(|(c, _)| c.threshold.is_some()).map(|(_, &i)| i).collect();
+            let own: Vec<f32> = own.filter(|(c, _)| !c.certain).map(|(_, &i)| i).collect();
             let mean = own.iter().sum::<f32>() / own.len().max(1) as f32;
             let floor = if mean > 0.0 { FLOOR * mean } else { 1.0 };
             let budget = own.len() as f32 / times;
             (scale(own.into_iter().map(|i| i + floor).collect(), budget), floor)
         };
         let scales = [of(false), of(true)];
-        let weight = |(candidate, importance): (&Candidate, &f32)| {
-            let (scale, floor) = scales[usize::from(candidate.is_direct())];
-            candidate.threshold.map_or(1.0, |threshold| weight(scale * (importance + floor), threshold))
-        };
-        candidates.iter().zip(&importance).map(weight).collect()
+        let mut factors = Vec::with_capacity(candidates.len());
+        for run in candidates.chunk_by(|a, b| (a.set, a.is_direct()) == (b.set, b.is_direct())) {
+            let class = usize::from(run[0].is_direct());
+            let (scale, floor) = scales[class];
+            let own = run.iter().zip(&importance[factors.len()..]);
+            let chances: Vec<f32> =
+                own.map(|(c, i)| if c.certain { 1.0 } else { scale * (i + floor) }).collect();
+            factors.extend(comb(&chances, shifts[run[0].set as usize][class]));
+        }
+        factors
     }
 
-    /// Root mean square of what each candidate adds to the points, relative to all that they receive.
+    /// Root of the root mean square of what each candidate adds to the points, relative to all that they receive. Candidates chosen
+    /// one by one would be best chosen by the root mean square itself (Neyman); of those that stand in a row each stands for
+    /// its neighbours, and the more it adds, the less that varies among them.
     fn importance(&self, candidates: &[Candidate], sight: &Sight, bound: f32) -> Vec<f32> {
         let mut importance = vec![0.0; candidates.len()];
         for &(index, point, irradiance) in &self.added {
@@ -129,7 +138,7 @@ impl Contributions {
             let share = sight.points()[point].weight.min(1.0) * kept / self.total[point];
             importance[index] += share * share;
         }
-        importance.iter_mut().for_each(|square| *square = square.sqrt());
+        importance.iter_mut().for_each(|square| *square = square.sqrt().sqrt());
         importance
     }
 }
@@ -154,17 +163,29 @@ pub(super) fn scale(mut importance: Vec<f32>, budget: f32) -> f32 {
     f32::INFINITY
 }
 
-/// The factor of a candidate that is kept with a probability, for its number in [0, 1): one over the probability below it,
-/// none above it, and a ramp between.
-fn weight(probability: f32, threshold: f32) -> f32 {
-    if probability >= 1.0 {
-        return 1.0;
+/// The factors of things in a row, each of which is kept with its own chance: one over the chance for those under the teeth of a
+/// comb of step 1 that starts at `shift` in [0, 1), in part for those beside them, 0 for others. Those of chance 1 and more are
+/// kept as they are.
+pub(super) fn comb(chances: &[f32], shift: f32) -> Vec<f32> {
+    let mut factors = vec![1.0; chances.len()];
+    let unsure: Vec<usize> = (0..chances.len()).filter(|&i| chances[i] < 1.0).collect();
+    let mut start = -f64::from(shift);
+    let mut below = unsure.first().map_or(0.0, |&i| f64::from(SOFTNESS * chances[i]));
+    for (place, &index) in unsure.iter().enumerate() {
+        let own = chances[index];
+        let beside = unsure.get(place + 1).map_or(own, |&next| own.min(chances[next]));
+        let (end, above) = (start + f64::from(own), f64::from(SOFTNESS * beside));
+        // How far the teeth, which are whole numbers here, reach into it.
+        let (mut kept, mut tooth) = (0.0, (start - below).ceil());
+        while tooth < end + above {
+            let into = ((tooth - start + below) / (2.0 * below)).min((end + above - tooth) / (2.0 * above));
+            kept += into.min(1.0);
+            tooth += 1.0;
+        }
+        factors[index] = if kept > 0.0 { (kept / f64::from(own)) as f32 } else { 0.0 };
+        (start, below) = (end, above);
     }
-    let ramp = SOFTNESS * probability;
-    let kept = ((probability + ramp - threshold) / (2.0 * ramp)).clamp(0.0, 1.0);
-    // The mean of `kept` over all thresholds.
-    let beyond = (probability + ramp - 1.0).max(0.0);
-    kept / (probability - beyond * beyond / (4.0 * ramp))
+    factors
 }
 
 #[cfg(test)]
@@ -173,11 +194,42 @@ mod tests {
 
     #[test]
     fn the_mean_factor_is_one() {
-        for probability in [0.001, 0.1, 0.5, 0.93, 0.999, 1.0, 3.0] {
-            let steps = 100_000;
-            let sum: f64 =
-                (0..steps).map(|i| f64::from(weight(probability, (i as f32 + 0.5) / steps as f32))).sum();
-            assert!((sum / f64::from(steps) - 1.0).abs() < 1e-3, "{probability}: {}", sum / f64::from(steps));
+        let chances = [0.001, 0.1, 0.5, 0.93, 0.999, 1.0, 0.3, 3.0, 0.0002, 0.2];
+        let steps = 100_000;
+        let mut sums = [0.0; 10];
+        for i in 0..steps {
+            let factors = comb(&chances, (i as f32 + 0.5) / steps as f32);
+            sums.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += f64::from(factor));
+        }
+        for (chance, sum) in chances.iter().zip(sums) {
+            assert!((sum / f64::from(steps) - 1.0).abs() < 0.05, "{chance}: {}", sum / f64::from(steps));
+        }
+    }
+
+    #[test]
+    fn what_a_comb_keeps_sums_up_to_all() {
+        let chances: Vec<f32> = (0..400_u32).map(|i| 0.02 + 0.001 * (i * 37 % 211) as f32).collect();
+        let total: f32 = chances.iter().sum();
+        for shift in [0.0, 0.2, 0.77, 0.999] {
+            let factors = comb(&chances, shift);
+            let sum: f32 = factors.iter().zip(&chances).map(|(factor, chance)| factor * chance).sum();
+            assert!((sum - total).abs() <= 1.0, "{sum} of {total}");
+            let kept = factors.iter().filter(|&&factor| factor > 0.0).count() as f32;
+            assert!(kept < 1.2 * total, "{kept} of {total}");
+        }
+    }
+
+    #[test]
+    fn a_small_change_of_chances_changes_little() {
+        let chances: Vec<f32> = (0..100_u32).map(|i| 0.1 + 0.001 * (i * 37 % 211) as f32).collect();
+        let mut before = comb(&chances, 0.4);
+        for step in 1..200 {
+            let moved: Vec<f32> =
+                (0..).zip(&chances).map(|(i, c)| c * (1.0 + 1e-6 * (i * step) as f32)).collect();
+            let factors = comb(&moved, 0.4);
+            let change = before.iter().zip(&factors).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(change < 2.0, "{change}");
+            before = factors;
         }
     }
 

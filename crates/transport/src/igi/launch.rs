@@ -137,8 +137,13 @@ fn most(source: &Source, center: Vec3, radius: f32) -> f32 {
     let way = center - origin;
     let distance2 = way.length_squared();
     let intensity = match *source {
-        Source::Patch { normal, radiance, .. } => {
-            luminance(radiance) * largest_cosine(normal.dot(way), distance2.sqrt(), radius)
+        Source::Patch { normal, radiance, ref gloss, .. } => {
+            // Gloss is smooth enough for its value at the centre, or its mean if that is more.
+            let radiance = match gloss {
+                Some(_) => luminance(source.light(center).radiance).max(mean(source)),
+                None => luminance(radiance),
+            };
+            radiance * largest_cosine(normal.dot(way), distance2.sqrt(), radius)
         }
         // Their intensity may be anything: the largest of some places on the sphere.
         _ => {
@@ -154,6 +159,11 @@ fn most(source: &Source, center: Vec3, radius: f32) -> f32 {
         }
     };
     intensity / (distance2 + radius * radius)
+}
+
+/// Radiance times area of a patch in the mean over directions, as luminance.
+fn mean(source: &Source) -> f32 {
+    source.patch_radiance().map_or(0.0, luminance)
 }
 
 /// Radiant intensity towards a point, as luminance.
@@ -183,8 +193,15 @@ mod tests {
     use heliostat_shading::Sampler;
 
     fn patch(position: Vec3, normal: Vec3) -> Vpl {
-        let source =
-            Source::Patch { position, error: 0.0, normal, radiance: Vec3::ONE, rim: 0.0, density: 0.0 };
+        let source = Source::Patch {
+            position,
+            error: 0.0,
+            normal,
+            radiance: Vec3::ONE,
+            rim: 0.0,
+            gloss: None,
+            density: 0.0,
+        };
         Vpl { source, bounces: 1 }
     }
 

@@ -10,7 +10,7 @@ use heliostat_shading::{
     Arrival, Cone, HitSorter, PatchReflectance, Sampler, Selection, ShadeScratch, Source, Surface, Surfaces,
 };
 
-use super::vpl::{CANDIDATES, Candidate, Vpl};
+use super::vpl::{Candidate, Vpl};
 use crate::eye::DULL;
 use crate::region::View;
 
@@ -20,8 +20,6 @@ const MAX_BOUNCES: u32 = 16;
 const ROULETTE_FROM: u32 = 1;
 /// Surfaces that a light path may pass straight through.
 const MAX_PASSED: u32 = 64;
-/// The golden ratio's fraction in 32 bits: multiples of it are spread evenly.
-const GOLDEN: u32 = 0x9e37_79b9;
 /// So many lights without area light everything themselves; where there are more, light paths choose among them.
 const MOST_EXACT: usize = 8;
 
@@ -125,7 +123,8 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         for set in 0..self.plan.sets {
             self.by_emitter.clear();
             let vpl = |source: &Source| Vpl { source: source.clone(), bounces: 0 };
-            self.candidates.extend(exact.iter().map(|source| Candidate::certain(vpl(source), set)));
+            let certain = |source| Candidate { vpl: vpl(source), set, certain: true };
+            self.candidates.extend(exact.iter().map(certain));
             for number in 0..self.plan.paths {
                 walkers.extend(self.start_path(set, number, !exact.is_empty()));
             }
@@ -152,7 +151,7 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         let source = scaled(source, share).among(plan.kept as f32);
         match &source {
             Source::Light { .. } if exact => {}
-            Source::Light { .. } => self.light(emitter, source, set, number),
+            Source::Light { .. } => self.light(emitter, source, set),
             _ => self.leave(source, &walker),
         }
         let ray = ray.filter(|_| plan.max_bounces > 0)?;
@@ -162,7 +161,7 @@ impl<Q: ?Sized> Drawing<'_, Q> {
     }
 
     /// A candidate on a light without area: all paths of a set that start there share one.
-    fn light(&mut self, emitter: usize, source: Source, set: u32, number: u32) {
+    fn light(&mut self, emitter: usize, source: Source, set: u32) {
         let known = self.by_emitter.iter().find(|(other, _)| *other == emitter);
         match known.map(|&(_, index)| &mut self.candidates[index].vpl.source) {
             Some(Source::Light { factor, .. }) => {
@@ -172,23 +171,14 @@ impl<Q: ?Sized> Drawing<'_, Q> {
             }
             _ => {
                 self.by_emitter.push((emitter, self.candidates.len()));
-                // The number of the first path that starts there is no fair number: small ones are likelier.
-                let key = emitter as u32 ^ set.rotate_left(16) ^ self.plan.pass.rotate_left(24);
-                let threshold = Some(Sampler::along(number, self.plan.seed).random(key));
-                self.candidates.push(Candidate { vpl: Vpl { source, bounces: 0 }, set, threshold });
+                self.candidates.push(Candidate { vpl: Vpl { source, bounces: 0 }, set, certain: false });
             }
         }
     }
 
     fn leave(&mut self, source: Source, walker: &Walker) {
-        // The first ones of one block, others of the next: else some of the sequence would never be kept. In such steps
-        // blocks of as many as are kept in the mean are well distributed.
-        let part = walker.block(self.plan).wrapping_mul(GOLDEN) >> (32 - CANDIDATES.ilog2());
-        let shift = part as f32 / CANDIDATES as f32;
-        let threshold = ((walker.number as f32 + 0.5) / self.plan.paths as f32 + shift).fract();
-        let threshold = Some(threshold);
         let vpl = Vpl { source, bounces: walker.bounces };
-        self.candidates.push(Candidate { vpl, set: walker.set, threshold });
+        self.candidates.push(Candidate { vpl, set: walker.set, certain: false });
     }
 
     /// Leaves a candidate where a path arrived after `distance` and says whether anything is left of it to go on.
@@ -208,15 +198,7 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         }
         let u_end = if pass > 0.0 { (u_end - pass) / (1.0 - pass) } else { u_end };
         walker.bounces += 1;
-        let PatchReflectance { normal: reflectance, rim } = surface.bsdf.as_patch(DULL);
-        let radiance = walker.flux * Vec3::from(reflectance) * std::f32::consts::FRAC_1_PI;
-        if radiance.is_finite() && radiance != Vec3::ZERO {
-            let (position, normal) = (surface.position.into(), surface.ng().into());
-            self.leave(
-                Source::Patch { position, error: surface.error, normal, radiance, rim, density: 0.0 },
-                walker,
-            );
-        }
+        self.reflect(walker, surface);
         if walker.bounces >= self.plan.max_bounces.min(MAX_BOUNCES) {
             return false;
         }
@@ -238,6 +220,18 @@ impl<Q: ?Sized> Drawing<'_, Q> {
         walker.flux.is_finite() && walker.flux != Vec3::ZERO
     }
 
+    /// Leaves a candidate for what dull lobes reflect, if there is any.
+    fn reflect(&mut self, walker: &Walker, surface: &Surface<f32>) {
+        let PatchReflectance { diffuse, rim, gloss } = surface.bsdf.as_patch(DULL);
+        let radiance = walker.flux * Vec3::from(diffuse) * std::f32::consts::FRAC_1_PI;
+        let gloss = gloss.map(|gloss| (walker.flux, gloss));
+        if radiance.is_finite() && walker.flux.is_finite() && (radiance != Vec3::ZERO || gloss.is_some()) {
+            let (position, normal) = (surface.position.into(), surface.ng().into());
+            let error = surface.error;
+            self.leave(Source::Patch { position, error, normal, radiance, rim, gloss, density: 0.0 }, walker);
+        }
+    }
+
     /// Four numbers in [0, 1) for a vertex of a path, the same for every frame so that still pictures stand still.
     fn points(&self, walker: &Walker, vertex: u32) -> [f32; 4] {
         Sampler::along(walker.index(self.plan), self.plan.seed).set(vertex)
@@ -247,7 +241,12 @@ impl<Q: ?Sized> Drawing<'_, Q> {
 /// A source of a share of the light.
 pub(super) fn scaled(mut source: Source, share: f32) -> Source {
     match &mut source {
-        Source::Patch { radiance, .. } => *radiance *= share,
+        Source::Patch { radiance, gloss, .. } => {
+            *radiance *= share;
+            if let Some((flux, _)) = gloss {
+                *flux *= share;
+            }
+        }
         Source::Light { factor, .. } => *factor *= share,
         Source::Distant { irradiance, .. } => *irradiance *= share,
     }

@@ -29,6 +29,17 @@ const LEAST_COSINE: f32 = 0.8;
 /// How far off a point's plane photons may lie, in radii.
 const THICKNESS: f32 = 0.25;
 
+/// Light of photons at a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Caught {
+    /// W/m².
+    pub(super) irradiance: Vec3,
+    /// Unit vector towards where one of them came from, chosen by its light.
+    pub(super) wi: Vec3,
+    /// Irradiance, W/m², that this one stands for: in the mean over the choice each photon has its own.
+    pub(super) from_there: Vec3,
+}
+
 /// Photons with their discs, found by place.
 #[derive(Debug, Default)]
 pub(super) struct PhotonMap {
@@ -129,12 +140,13 @@ impl PhotonMap {
         }
     }
 
-    /// Irradiance at a point of unit normal, W/m², by paths of at most `max_edges` edges.
-    pub(super) fn irradiance(&self, position: Vec3, normal: Vec3, max_edges: u32) -> Vec3 {
-        let mut sum = Vec3::ZERO;
+    /// What arrives at a point of unit normal by paths of at most `max_edges` edges; `u` in [0, 1) chooses the direction.
+    pub(super) fn caught(&self, position: Vec3, normal: Vec3, max_edges: u32, mut u: f32) -> Caught {
+        let mut caught = Caught::default();
         if !self.bounds.is_some_and(|bounds| bounds.contains(position)) {
-            return sum;
+            return caught;
         }
+        let mut total = 0.0;
         let mask = self.buckets.len() as u32 - 2;
         for level in (0..LEVELS).filter(|&level| self.used[level]) {
             let radius = self.radius(level);
@@ -150,11 +162,23 @@ impl PhotonMap {
                 let own = usize::from(self.levels[index as usize]) == level;
                 if near && own && photon.normal.dot(normal) > LEAST_COSINE && photon.edges <= max_edges {
                     // Epanechnikov's kernel over the disc.
-                    sum += photon.flux * (2.0 / (PI * radius2) * (1.0 - distance2 / radius2));
+                    let share = photon.flux * (2.0 / (PI * radius2) * (1.0 - distance2 / radius2));
+                    caught.irradiance += share;
+                    // One number chooses among all in proportion to their light: it is stretched again each time.
+                    let weight = luminance(share);
+                    total += weight;
+                    let chance = weight / total;
+                    if u < chance {
+                        u /= chance;
+                        (caught.wi, caught.from_there) = (photon.wi, share / weight);
+                    } else {
+                        u = ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON);
+                    }
                 }
             }
         }
-        sum
+        caught.from_there *= total;
+        caught
     }
 }
 
@@ -199,6 +223,7 @@ mod tests {
             Photon {
                 position: Vec3::new(u, 0.3, v),
                 normal: Vec3::Y,
+                wi: if v < 0.5 { Vec3::Y } else { Vec3::X },
                 flux: Vec3::new(1.0, 2.0, 3.0) / count as f32,
                 edges: 3,
             }
@@ -210,7 +235,7 @@ mod tests {
     fn even_light_is_even() {
         for pass in [0, 7] {
             let map = PhotonMap::new(even(20_000), 2.0, pass);
-            let at = |x: f32, z: f32| map.irradiance(Vec3::new(x, 0.3, z), Vec3::Y, 3);
+            let at = |x: f32, z: f32| map.caught(Vec3::new(x, 0.3, z), Vec3::Y, 3, 0.5).irradiance;
             let points =
                 || (0..400).map(|i| (0.2 + 0.6 * (i % 20) as f32 / 19.0, 0.2 + 0.6 * (i / 20) as f32 / 19.0));
             let mean = points().map(|(x, z)| at(x, z)).sum::<Vec3>() / 400.0;
@@ -220,16 +245,33 @@ mod tests {
     }
 
     #[test]
+    fn directions_are_chosen_by_their_light() {
+        let mut photons = even(20_000);
+        photons.iter_mut().filter(|photon| photon.wi == Vec3::X).for_each(|photon| photon.flux.x *= 3.0);
+        let map = PhotonMap::new(photons, 2.0, 0);
+        // Where light of either direction arrives.
+        let at = Vec3::new(0.5, 0.3, 0.5);
+        let n = 10_000;
+        let caught = |i| map.caught(at, Vec3::Y, 3, (i as f32 + 0.5) / n as f32);
+        let mean = |wi| {
+            let of = (0..n).map(caught).filter(|caught| caught.wi == wi);
+            of.map(|caught| caught.from_there).sum::<Vec3>() / n as f32
+        };
+        let (above, beside) = (mean(Vec3::Y), mean(Vec3::X));
+        assert!((above + beside).abs_diff_eq(caught(0).irradiance, 0.01), "all that arrives");
+        for (light, ratio) in [(above, 2.0), (beside, 2.0 / 3.0)] {
+            assert!((light.y / light.x / ratio - 1.0).abs() < 0.01, "{light}");
+        }
+    }
+
+    #[test]
     fn light_stays_on_its_surface() {
         let map = PhotonMap::new(even(5_000), 2.0, 0);
-        assert_eq!(map.irradiance(Vec3::new(0.5, 0.3, 0.5), Vec3::NEG_Y, 9), Vec3::ZERO, "the back");
-        assert_eq!(map.irradiance(Vec3::new(0.5, 0.5, 0.5), Vec3::Y, 9), Vec3::ZERO, "another plane");
-        assert_eq!(
-            map.irradiance(Vec3::new(0.5, 0.3, 0.5), Vec3::Y, 2),
-            Vec3::ZERO,
-            "paths that are too long"
-        );
-        assert_eq!(map.irradiance(Vec3::new(5.0, 0.3, 0.5), Vec3::Y, 9), Vec3::ZERO, "far away");
+        let at = |position, normal, max_edges| map.caught(position, normal, max_edges, 0.5).irradiance;
+        assert_eq!(at(Vec3::new(0.5, 0.3, 0.5), Vec3::NEG_Y, 9), Vec3::ZERO, "the back");
+        assert_eq!(at(Vec3::new(0.5, 0.5, 0.5), Vec3::Y, 9), Vec3::ZERO, "another plane");
+        assert_eq!(at(Vec3::new(0.5, 0.3, 0.5), Vec3::Y, 2), Vec3::ZERO, "paths that are too long");
+        assert_eq!(at(Vec3::new(5.0, 0.3, 0.5), Vec3::Y, 9), Vec3::ZERO, "far away");
     }
 
     #[test]
@@ -255,8 +297,8 @@ mod tests {
         let mut photons = even(20_000);
         photons.iter_mut().for_each(|photon| photon.position *= Vec3::new(0.1, 1.0, 0.1));
         let map = PhotonMap::new(photons, 2.0, 0);
-        let inside = map.irradiance(Vec3::new(0.05, 0.3, 0.05), Vec3::Y, 9).x;
+        let inside = map.caught(Vec3::new(0.05, 0.3, 0.05), Vec3::Y, 9, 0.5).irradiance.x;
         assert!((inside - 100.0).abs() < 20.0, "{inside}");
-        assert_eq!(map.irradiance(Vec3::new(0.12, 0.3, 0.05), Vec3::Y, 9), Vec3::ZERO);
+        assert_eq!(map.caught(Vec3::new(0.12, 0.3, 0.05), Vec3::Y, 9, 0.5), Caught::default());
     }
 }

@@ -37,6 +37,8 @@ pub(super) struct Photon {
     pub(super) position: Vec3,
     /// Unit geometric normal, on the side that it arrived at.
     pub(super) normal: Vec3,
+    /// Unit vector towards where it came from.
+    pub(super) wi: Vec3,
     /// W.
     pub(super) flux: Vec3,
     /// Edges of its path from the light.
@@ -201,6 +203,7 @@ fn leave(surface: &Surface<f32>, flight: &Flight, photons: &mut Vec<Photon>) {
         photons.push(Photon {
             position: surface.position.into(),
             normal: surface.ng().into(),
+            wi: -flight.ray.direction,
             flux: flight.flux,
             edges: flight.edges + 1,
         });

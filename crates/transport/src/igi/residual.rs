@@ -1,7 +1,7 @@
 //! The light that bounding the geometric term takes away, given back by short rays.
 //!
 //! Where a virtual point light is so near that its geometric term G exceeds the bound b, only b is counted. What is
-//! missing is light from surfaces within 1/√b, weighted by 1 − b/G: a ray in a cosine-distributed direction finds it.
+//! missing is light from surfaces within 1/√b, weighted by 1 − b/G: a ray in a direction of the dull lobes finds it.
 //! The surface that it finds is lit under the same bound, and the next short ray finds what is missing there.
 //!
 //! # References
@@ -9,12 +9,13 @@
 //! one virtual point light, chosen in proportion to what each would add. Virtual point lights on light sources
 //! are not bounded: short rays that find a lamp by chance would be noise.
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::color::luminance;
-use heliostat_shading::lanes::{Floats, Vector, Vectors};
-use heliostat_shading::sampling::cosine_hemisphere;
-use heliostat_shading::{Basis, Lobes, Received, Scattered, Selection, Surfaces, Taking};
+use heliostat_shading::lanes::{Floats, Vectors};
+use heliostat_shading::{Lobes, Received, Scattered, Scattering, Selection, Surfaces, Taking};
 
 use super::gather::Block;
 use super::vpl::Vpl;
@@ -23,17 +24,32 @@ use crate::region::View;
 use crate::shadow::{PendingLight, ShadowBatch};
 use crate::wave::WaveShader;
 
+/// The lobes that virtual point lights stand for: photons bring the light of all others.
+const REFLECTED: Selection = DULL.among(Lobes::REFLECTING);
+/// Those of them that are not diffuse.
+pub(super) const GLOSS: Selection = REFLECTED.among(Lobes::ALL.without(Lobes::DIFFUSE));
+const NOTHING: Selection = Selection::ALL.among(Lobes::NONE);
 /// Virtual point lights that are compared at a surface.
 const MOST_COMPARED: usize = 8;
 /// Short rays of a path at most. Each brings a part of the light of the one before.
 pub(super) const LEVELS: usize = 4;
 
+/// A lane and what it makes of radiance that a short ray brings.
+#[derive(Clone, Copy, Debug)]
+struct Lane {
+    block: u32,
+    lane: u32,
+    /// Times the radiance, irradiance over π.
+    irradiance: f32,
+    /// Times the radiance, what its other dull lobes reflect.
+    gloss: Vec3,
+}
+
 /// What a short ray is for.
 #[derive(Clone, Copy, Debug)]
 struct For {
-    block: u32,
-    lane: u32,
-    /// What the light that it finds is to be multiplied with.
+    lane: Lane,
+    /// What of the light that it finds comes to the lane.
     factor: Vec3,
     /// Edges of the path from the eye to its start.
     edges: u32,
@@ -58,11 +74,11 @@ pub(super) struct Residual {
     rays: Vec<Ray>,
     of: Vec<For>,
     hits: Vec<Hit>,
-    /// Block and lane that each shadow ray is for.
-    lit: Vec<(u32, u32)>,
+    glossy: Scattering,
+    /// The lane that each shadow ray is for.
+    lit: Vec<Lane>,
     shader: WaveShader,
     compared: Compared,
-    albedo: Vectors,
     shadows: ShadowBatch,
 }
 
@@ -93,26 +109,27 @@ impl Residual {
             self.hits.resize(self.rays.len(), Hit::MISS);
             view.query.intersect(&self.rays, &mut self.hits);
             traced += self.rays.len() as u64;
-            let next = points.get(level + 1).map(|&[_, u, v, _]| cosine_hemisphere([u, v]));
-            self.follow(view, (vpls, bound, max_edges), u_light, next, reach);
+            let next = points.get(level + 1).map(|numbers| numbers.map(Floats::splat));
+            self.follow(view, (vpls, bound, max_edges), u_light, next.as_ref(), reach);
         }
         let lit = &self.lit;
         self.shadows.trace(view.query, view.scene, |light| {
-            let (block, lane) = lit[light.pixel as usize];
-            let (irradiance, lane) = (&mut blocks[block as usize].irradiance, lane as usize);
-            irradiance.set(lane, irradiance.get(lane) + light.radiance);
+            let Lane { block, lane, irradiance, gloss } = lit[light.pixel as usize];
+            let (block, lane) = (&mut blocks[block as usize], lane as usize);
+            block.irradiance.set(lane, block.irradiance.get(lane) + light.radiance * irradiance);
+            block.gloss.set(lane, block.gloss.get(lane) + light.radiance * gloss);
         });
         traced
     }
 
-    /// Asks for the light of the surfaces that the short rays have met, where any was taken away, and replaces the rays by the
-    /// `next`, in this direction about each surface's normal.
+    /// Asks for the light of the surfaces that the short rays have met, where any was taken away, and replaces the rays by those
+    /// that go on from there, in directions of these numbers.
     fn follow<Q: RayQuery + ?Sized>(
         &mut self,
         view: &View<'_, Q>,
         (vpls, bound, max_edges): (&[Vpl], f32, u32),
         u_light: f32,
-        next: Option<Vector<f32>>,
+        next: Option<&[Floats; 4]>,
         reach: f32,
     ) {
         let (rays, mut of) = (std::mem::take(&mut self.rays), std::mem::take(&mut self.of));
@@ -125,60 +142,56 @@ impl Residual {
                 *hit = Hit::MISS;
             }
         }
-        let Self { shader, compared, albedo, rays: next_rays, of: next_of, lit, shadows, .. } = self;
+        let Self { shader, compared, samples, rays: next_rays, of: next_of, lit, shadows, .. } = self;
         shader.shade(view.scene, (&rays, &self.hits), |indices, surfaces| {
             let count = indices.len();
-            // Of the lobes that virtual point lights stand for: photons bring the light of all others.
-            surfaces.albedo_of(DULL, count, albedo);
+            if let Some([u_lobe, u, v, _]) = next {
+                surfaces.sample([u_lobe, u, v], REFLECTED, count, samples);
+            }
             compared.fill((vpls, bound), (surfaces, count), u_light);
             for (lane, &index) in indices.iter().enumerate() {
                 let before = &of[index as usize];
-                let normal = surfaces.normal(lane);
-                let of = For { factor: before.factor * albedo.get(lane), normal, ..*before };
-                let most_bounces = max_edges.saturating_sub(of.edges);
-                if let Some((light, wi, radiance)) = compared.choose(vpls, lane, most_bounces) {
+                let most_bounces = max_edges.saturating_sub(before.edges);
+                if let Some((light, wi, radiance)) = compared.choose(vpls, (surfaces, lane), most_bounces) {
                     let far = |origin: Vec3| origin.distance(surfaces.position(lane)) * (1.0 - 1e-4);
                     let distance = light.source.origin().map_or(f32::INFINITY, far);
                     let shadow = Ray { t_max: distance, ..Ray::new(surfaces.origin(lane, wi), wi) };
-                    shadows.push(
-                        shadow,
-                        PendingLight { pixel: lit.len() as u32, radiance: radiance * of.factor },
-                    );
-                    lit.push((of.block, of.lane));
+                    let radiance = radiance * before.factor;
+                    shadows.push(shadow, PendingLight { pixel: lit.len() as u32, radiance });
+                    lit.push(before.lane);
                 }
-                if let Some(up) = next {
-                    let wi = Vec3::from(Basis::from_normal(normal.into()).to_world(up));
-                    let ray = Ray::new(surfaces.origin(lane, wi), wi);
-                    next_rays.push(Ray { t_max: reach, ..ray });
-                    next_of.push(of);
+                if next.is_some() && samples.valid[lane] {
+                    let (wi, factor) = (samples.wi.get(lane), before.factor * samples.weight.get(lane));
+                    next_rays.push(Ray { t_max: reach, ..Ray::new(surfaces.origin(lane, wi), wi) });
+                    next_of.push(For { factor, normal: surfaces.normal(lane), ..*before });
                 }
             }
         });
     }
 
-    /// A short ray for every lane that scatters diffusely, or for a share of them. Each counts `times`.
+    /// A short ray for every lane that scatters dully, or for a share of them. Each counts `times`.
     fn shoot(&mut self, blocks: &[Block], reach: f32, times: f32, numbers: [f32; 4]) {
         self.rays.clear();
         self.of.clear();
-        let diffuse = Selection::ALL.among(Lobes::DIFFUSE);
-        for (index, block) in blocks.iter().enumerate() {
-            if !block.surfaces.may_have(diffuse) {
+        let [u_lobe, u, v, _] = numbers.map(Floats::splat);
+        for (index, block) in (0..).zip(blocks) {
+            let (surfaces, samples) = (&block.surfaces, &mut self.samples);
+            if !surfaces.may_have(REFLECTED) {
                 continue;
             }
-            let [u_lobe, u, v, _] = numbers.map(Floats::splat);
-            block.surfaces.sample([&u_lobe, &u, &v], diffuse, block.count, &mut self.samples);
-            block.surfaces.spawn(&self.samples.wi, block.count, &mut self.origins);
+            surfaces.sample([&u_lobe, &u, &v], REFLECTED, block.count, samples);
+            surfaces.spawn(&samples.wi, block.count, &mut self.origins);
+            surfaces.evaluate(&samples.wi, GLOSS, block.count, &mut self.glossy);
             for lane in 0..block.count {
-                if block.takes(lane) && self.samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
-                    let ray = Ray::new(self.origins.get(lane), self.samples.wi.get(lane));
-                    self.rays.push(Ray { t_max: reach, ..ray });
-                    self.of.push(For {
-                        block: index as u32,
-                        lane: lane as u32,
-                        factor: Vec3::splat(times / block.share),
-                        edges: block.edges[lane],
-                        normal: block.surfaces.normal(lane),
-                    });
+                if block.takes(lane) && samples.valid[lane] && block.weights[lane] != Vec3::ZERO {
+                    let (normal, wi) = (surfaces.normal(lane), samples.wi.get(lane));
+                    let weight = times / (block.share * samples.pdf.0[lane]);
+                    let irradiance = normal.dot(wi).max(0.0) * (FRAC_1_PI * weight);
+                    let gloss = self.glossy.f_cos.get(lane) * weight;
+                    self.rays.push(Ray { t_max: reach, ..Ray::new(self.origins.get(lane), wi) });
+                    let (edges, factor) = (block.edges[lane], Vec3::ONE);
+                    let lane = Lane { block: index, lane: lane as u32, irradiance, gloss };
+                    self.of.push(For { lane, factor, edges, normal });
                 }
             }
         }
@@ -208,17 +221,24 @@ impl Compared {
         self.received.resize_with(some.len(), Received::default);
         for (vpl, received) in some.zip(&mut self.received) {
             let bound = if vpl.bounces > 0 { bound } else { f32::INFINITY };
-            let none = Selection::ALL.among(Lobes::NONE);
-            let taking = Taking { bound, gloss: none, shared: none };
+            let taking = Taking { bound, gloss: DULL, shared: NOTHING };
             surfaces.receive(&vpl.source, &taking, count, received);
         }
     }
 
-    /// Chooses one of them for a lane in proportion to what it would add: the light, the direction to it, and irradiance over π
-    /// over the probability of the choice. Only those of less than so many bounces are.
-    fn choose<'a>(&self, vpls: &'a [Vpl], lane: usize, most_bounces: u32) -> Option<(&'a Vpl, Vec3, Vec3)> {
+    /// Chooses one of them for a lane in proportion to what it would add: the light, the direction to it, and the radiance that
+    /// the lane reflects over the probability of the choice. Only those of less than so many bounces are.
+    fn choose<'a>(
+        &self,
+        vpls: &'a [Vpl],
+        (surfaces, lane): (&Surfaces, usize),
+        most_bounces: u32,
+    ) -> Option<(&'a Vpl, Vec3, Vec3)> {
+        let diffuse = surfaces.diffuse(lane);
+        let reflected =
+            |received: &Received| received.irradiance.get(lane) * diffuse + received.gloss.get(lane);
         let weight = |(vpl, received): (&Vpl, &Received)| {
-            let weight = luminance(received.irradiance.get(lane));
+            let weight = luminance(reflected(received));
             if vpl.bounces < most_bounces && weight.is_finite() { weight } else { 0.0 }
         };
         let some = || vpls.iter().skip(self.first).step_by(self.step).zip(&self.received);
@@ -238,6 +258,6 @@ impl Compared {
         }
         let (vpl, received, weight) = chosen?;
         let scale = total * self.step as f32 / weight;
-        Some((vpl, received.wi.get(lane), received.irradiance.get(lane) * scale))
+        Some((vpl, received.wi.get(lane), reflected(received) * scale))
     }
 }

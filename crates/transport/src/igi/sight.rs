@@ -3,8 +3,9 @@
 use glam::{Vec2, Vec3};
 use heliostat_kernel::{Hit, Ray, RayQuery, Tile};
 use heliostat_shading::color::luminance;
+use heliostat_shading::lanes::{Floats, WIDTH};
 use heliostat_shading::sampling::cosine_hemisphere;
-use heliostat_shading::{Basis, Cone, Sampler, Source, Surface};
+use heliostat_shading::{Basis, Cone, Receivers, Sampler, Source, Surface};
 
 use crate::eye::{DULL, MIRRORS};
 use crate::region::View;
@@ -51,6 +52,7 @@ pub(super) struct Asking {
     tile: Tile,
     /// Which of them a source would light if nothing stood between, and how.
     lit: Vec<(usize, f32)>,
+    irradiance: Floats,
     rays: Vec<Ray>,
     occluded: Vec<bool>,
     filtered: Vec<bool>,
@@ -61,6 +63,7 @@ impl Default for Asking {
         Self {
             tile: Tile::new(Vec3::ZERO),
             lit: Vec::new(),
+            irradiance: Floats::default(),
             rays: Vec::new(),
             occluded: Vec::new(),
             filtered: Vec::new(),
@@ -128,6 +131,14 @@ impl Sight {
         &self.points
     }
 
+    /// The points in packets.
+    pub(super) fn receivers<Q: ?Sized>(&self, view: &View<'_, Q>) -> Vec<Receivers> {
+        let points = |points: &[Seen]| {
+            Receivers::new(view.scene.lane_mode(), points.iter().map(|point| (point.position, point.normal)))
+        };
+        self.points.chunks(WIDTH).map(points).collect()
+    }
+
     /// Keeps at most so many points, as well distributed as all.
     pub(super) fn keep(&mut self, count: usize) {
         self.points.truncate(count);
@@ -156,29 +167,32 @@ impl Sight {
 
 impl Asking {
     /// Luminance of the irradiance that a source causes at every point that it reaches: `deliver` is called with both.
-    /// Returns the number of rays. `points` fit into a tile.
+    /// Returns the number of rays. `points` fit into a tile; `receivers` are the same.
     pub(super) fn light<Q: RayQuery + ?Sized>(
         &mut self,
         view: &View<'_, Q>,
-        (points, source): (&[Seen], &Source),
+        (points, receivers): (&[Seen], &[Receivers]),
+        source: &Source,
         mut deliver: impl FnMut(usize, f32),
     ) -> u64 {
         self.lit.clear();
         self.rays.clear();
         let origin = source.origin();
         self.tile.restart(origin.unwrap_or_default());
-        for (index, point) in points.iter().enumerate() {
-            let light = source.light(point.position);
-            let cos = point.normal.dot(light.wi).max(0.0);
-            let irradiance = luminance(light.radiance) * light.facing * cos;
-            if irradiance.is_nan() || irradiance <= 0.0 {
-                continue;
+        for (block, receivers) in receivers.iter().enumerate() {
+            receivers.irradiance(source, &mut self.irradiance);
+            let start = block * WIDTH;
+            for (index, (point, &irradiance)) in (start..).zip(points[start..].iter().zip(&self.irradiance.0))
+            {
+                if irradiance.is_nan() || irradiance <= 0.0 {
+                    continue;
+                }
+                match origin {
+                    Some(origin) => _ = self.tile.push(point.position - origin, REACH),
+                    None => self.rays.push(Ray::new(point.position, source.light(point.position).wi)),
+                }
+                self.lit.push((index, irradiance));
             }
-            match origin {
-                Some(origin) => _ = self.tile.push(point.position - origin, REACH),
-                None => self.rays.push(Ray::new(point.position, light.wi)),
-            }
-            self.lit.push((index, irradiance));
         }
         let Self { lit, occluded, filtered, tile, rays, .. } = self;
         if lit.is_empty() {

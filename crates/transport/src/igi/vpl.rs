@@ -4,8 +4,8 @@
 //! Keller, "Instant Radiosity", 1997. Wald, Kollig, Benthin, Keller, Slusallek, "Interactive Global Illumination using
 //! Fast Ray Tracing", 2002.
 
-use glam::Vec3;
-use heliostat_kernel::RayQuery;
+use glam::{UVec3, Vec3};
+use heliostat_kernel::{Aabb, RayQuery};
 use heliostat_shading::color::luminance;
 use heliostat_shading::{Sampler, Source};
 
@@ -20,6 +20,8 @@ use crate::region::View;
 const SHORT_RAYS: u32 = 0x7368_6f72;
 /// The same for the turns of parts.
 const TURNS: u32 = 0x7475_726e;
+/// The same for the combs that choose among candidates.
+const COMBS: u32 = 0x636f_6d62;
 /// Sets, or parts of them, whose points send short rays, at least.
 const SHORT_SETS: usize = 8;
 /// Candidates for each virtual point light that is kept.
@@ -42,10 +44,8 @@ impl Vpl {
     /// Luminance that a geometric term of one brings to a point; infinite where there is none that could be bounded: light
     /// straight from its source is left as it is.
     pub(super) fn strength(&self) -> f32 {
-        match self.source {
-            Source::Patch { radiance, .. } if self.bounces > 0 => luminance(radiance),
-            _ => f32::INFINITY,
-        }
+        let radiance = if self.bounces > 0 { self.source.patch_radiance() } else { None };
+        radiance.map_or(f32::INFINITY, luminance)
     }
 }
 
@@ -64,25 +64,51 @@ impl Vpl {
 pub(super) struct Candidate {
     pub(super) vpl: Vpl,
     pub(super) set: u32,
-    /// In [0, 1), evenly distributed: it is kept if the probability is larger. Without one it is kept in any case.
-    pub(super) threshold: Option<f32>,
+    /// Whether it is kept in any case.
+    pub(super) certain: bool,
 }
 
 impl Candidate {
-    /// One that is kept in any case.
-    pub(super) fn certain(vpl: Vpl, set: u32) -> Self {
-        Self { vpl, set, threshold: None }
-    }
-
-    /// Whether it is kept in any case.
-    fn is_certain(&self) -> bool {
-        self.threshold.is_none()
-    }
-
     /// Whether it is on a light.
     pub(super) fn is_direct(&self) -> bool {
         self.vpl.bounces == 0
     }
+
+    /// What sorts candidates by set, those on lights apart, by neighbourhood. `bounds` are those of the scene.
+    fn order(&self, bounds: &Aabb) -> (u32, bool, bool, u64) {
+        let (far, place) = match &self.vpl.source {
+            Source::Distant { wi, .. } => (true, 0.5 + 0.5 * *wi),
+            source => (false, (source.origin().unwrap_or_default() - bounds.min) / bounds.size()),
+        };
+        (self.set, self.is_direct(), far, curve(place))
+    }
+}
+
+/// The place of a point of the unit cube on Hilbert's curve through it (Skilling, "Programming the Hilbert Curve", 2004).
+fn curve(point: Vec3) -> u64 {
+    /// Of each coordinate.
+    const BITS: u32 = 16;
+    let most = (1 << BITS) - 1;
+    let mut cell = (point * (1 << BITS) as f32).as_uvec3().min(UVec3::splat(most)).to_array();
+    for bit in (1..BITS).rev().map(|bit| 1 << bit) {
+        for i in 0..3 {
+            if cell[i] & bit != 0 {
+                cell[0] ^= bit - 1;
+            } else {
+                let swapped = (cell[0] ^ cell[i]) & (bit - 1);
+                cell[0] ^= swapped;
+                cell[i] ^= swapped;
+            }
+        }
+    }
+    // Gray's code.
+    cell[1] ^= cell[0];
+    cell[2] ^= cell[1];
+    let turns = (1..BITS).map(|bit| 1 << bit).filter(|bit| cell[2] & bit != 0);
+    let turned = turns.fold(0, |turned, bit| turned ^ (bit - 1));
+    let [x, y, z] = cell.map(|cell| cell ^ turned);
+    let bit = |number: u32, bit: u32| u64::from((number >> bit) & 1);
+    (0..BITS).rev().fold(0, |place, i| place << 3 | bit(x, i) << 2 | bit(y, i) << 1 | bit(z, i))
 }
 
 /// The virtual point lights of one pass, a set for every pixel of the interleaving pattern.
@@ -172,7 +198,9 @@ impl VplSets {
         };
         let kept = plan.paths.paths as f32;
         let visits = (0..view.scene.lights().len()).map(|emitter| kept * chance(emitter)).collect();
-        let (candidates, mut rays) = paths::draw(view, &paths, lights.as_ref());
+        let (mut candidates, mut rays) = paths::draw(view, &paths, lights.as_ref());
+        let bounds = view.query.bounds();
+        candidates.sort_by_cached_key(|candidate| candidate.order(&bounds));
         sight.keep((MOST_PAIRS / candidates.len().max(1)).max(1));
         let (contributions, traced) = Contributions::new(view, &candidates, &sight);
         rays += sight.traced + traced;
@@ -181,7 +209,11 @@ impl VplSets {
         let limit = plan.clamp * contributions.typical() / (sets as f32 * strength);
         let bound = if limit > 0.0 { limit } else { f32::INFINITY };
         let factors = if plan.importance {
-            contributions.choose(&candidates, &sight, (bound, times as f32))
+            // The combs of all sets together are one comb.
+            let [surfaces, lights, ..] = Sampler::along(pass, seed ^ COMBS).set(0);
+            let shift = |set| [surfaces, lights].map(|shift| (shift + set as f32 / sets as f32).fract());
+            let shifts: Vec<_> = (0..sets).map(shift).collect();
+            contributions.choose(&candidates, &sight, (bound, times as f32), &shifts)
         } else {
             vec![1.0; candidates.len()]
         };
@@ -205,19 +237,18 @@ impl VplSets {
     }
 }
 
-/// The parts of a set: what samples of a pixel that see the same surface bring together is the light of the set. Those of as
-/// many bounces are dealt out in runs, which are well distributed. What is certain is in all parts.
+/// The parts of a set: what samples of a pixel that see the same surface bring together is the light of the set. Neighbours are
+/// dealt out in turn. What is certain is in all parts.
 fn deal(set: &[Candidate], parts: u32) -> Vec<Vec<Vpl>> {
     let mut dealt = vec![Vec::new(); parts as usize];
-    for run in set.chunk_by(|a, b| a.vpl.bounces == b.vpl.bounces && a.is_certain() == b.is_certain()) {
-        for (index, Candidate { vpl, .. }) in run.iter().enumerate() {
-            if run[0].is_certain() {
-                dealt.iter_mut().for_each(|part| part.push(vpl.clone()));
-            } else {
-                let part = index * parts as usize / run.len();
-                let source = scaled(vpl.source.clone(), parts as f32);
-                dealt[part].push(Vpl { source, ..*vpl });
-            }
+    let mut part = 0;
+    for Candidate { vpl, certain, .. } in set {
+        if *certain {
+            dealt.iter_mut().for_each(|part| part.push(vpl.clone()));
+        } else {
+            let source = scaled(vpl.source.clone(), parts as f32);
+            dealt[part].push(Vpl { source, ..*vpl });
+            part = (part + 1) % parts as usize;
         }
     }
     dealt
@@ -229,13 +260,14 @@ mod tests {
 
     #[test]
     fn the_parts_of_a_set_are_as_bright_as_it() {
-        let candidate = |(bounces, threshold)| {
+        let candidate = |(bounces, certain)| {
             let (position, normal, radiance) = (Vec3::ZERO, Vec3::Z, Vec3::ONE);
-            let source = Source::Patch { position, error: 0.0, normal, radiance, rim: 0.0, density: 0.0 };
-            Candidate { vpl: Vpl { source, bounces }, set: 0, threshold }
+            let source =
+                Source::Patch { position, error: 0.0, normal, radiance, rim: 0.0, gloss: None, density: 0.0 };
+            Candidate { vpl: Vpl { source, bounces }, set: 0, certain }
         };
-        let mut set = vec![candidate((0, None))];
-        set.extend([0, 0, 0, 0, 0, 1, 1, 2].map(|bounces| candidate((bounces, Some(0.5)))));
+        let mut set = vec![candidate((0, true))];
+        set.extend([0, 0, 0, 0, 0, 1, 1, 2].map(|bounces| candidate((bounces, false))));
         let parts = deal(&set, 4);
         let brightness = |vpls: &[Vpl]| -> f32 {
             let strength = |vpl: &Vpl| match vpl.source {
