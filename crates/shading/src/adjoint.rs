@@ -124,6 +124,9 @@ fn cubic(at: [f32; 4], values: [f32; 4]) -> [f32; 4] {
     powers
 }
 
+/// A reflection, its normal before it, and the cosine of `wo` with that.
+type Gloss<'a> = (Vector<f32>, f32, &'a Reflection<f32>);
+
 /// In each method the direction that lobes were made for is where light comes from.
 impl Bsdf<f32> {
     /// Reflectance of the diffuse lobe for a viewer at a cosine. Exact for dielectrics under a coat or none; metal that is mixed
@@ -154,15 +157,12 @@ impl Bsdf<f32> {
         let (chances, _) = self.chances(which);
         let black = Vector::grey(0.0);
         let mut albedo = black;
-        let mut gloss = |chance: f32, normal: Vector<f32>, lobe: &Reflection<f32>| {
-            (chance > 0.0).then(|| {
-                let cos = normal.dot(self.wo).clamp(1e-5, 1.0);
+        let lobes = self.gloss(&chances).map(|lobe| {
+            lobe.map(|(normal, cos, lobe)| {
                 albedo = albedo + reflected(lobe, cos);
                 PatchLobe::new(normal, lobe, cos)
             })
-        };
-        let lobes =
-            [gloss(chances[1], self.normal, &self.specular), gloss(chances[2], self.coat_normal, &self.coat)];
+        });
         let any = lobes.iter().any(Option::is_some);
         let gloss = any.then_some(PatchGloss { wo: self.wo, lobes, albedo });
         if chances[0] == 0.0 {
@@ -190,6 +190,15 @@ impl Bsdf<f32> {
         sample
     }
 
+    /// The GGX reflections that take part, with their normals and the cosine of `wo` with these.
+    fn gloss(&self, chances: &[f32; 5]) -> [Option<Gloss<'_>>; 2] {
+        [(chances[1], self.normal, &self.specular), (chances[2], self.coat_normal, &self.coat)].map(
+            |(chance, normal, lobe)| {
+                (chance > 0.0).then(|| (normal, normal.dot(self.wo).clamp(1e-5, 1.0), lobe))
+            },
+        )
+    }
+
     /// By how much f · cos of the selected lobes for a viewer at `wi` is more than for one at `wo`.
     fn more_onward(&self, wi: Vector<f32>, which: Selection) -> Vector<f32> {
         let (chances, _) = self.chances(which);
@@ -198,13 +207,11 @@ impl Bsdf<f32> {
             let cos = self.normal.dot(wi).max(0.0);
             more = (self.diffuse_at(cos) - self.diffuse).scaled(cos * FRAC_1_PI);
         }
-        let lobes = [(chances[1], self.normal, &self.specular), (chances[2], self.coat_normal, &self.coat)];
-        for (_, normal, lobe) in
-            lobes.into_iter().filter(|(chance, _, lobe)| *chance > 0.0 && lobe.alpha > ALIKE)
-        {
-            let cos = normal.dot(self.wo).clamp(1e-5, 1.0);
-            let (there, _) = PatchLobe::new(normal, lobe, cos).value((), self.wo, wi);
-            more = more + there - lobe.value(normal, self.wo, wi).0;
+        for (normal, cos, lobe) in self.gloss(&chances).into_iter().flatten() {
+            if lobe.alpha > ALIKE {
+                let (there, _) = PatchLobe::new(normal, lobe, cos).value((), self.wo, wi);
+                more = more + there - lobe.value(normal, self.wo, wi).0;
+            }
         }
         more
     }

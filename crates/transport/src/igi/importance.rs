@@ -196,13 +196,15 @@ mod tests {
     fn the_mean_factor_is_one() {
         let chances = [0.001, 0.1, 0.5, 0.93, 0.999, 1.0, 0.3, 3.0, 0.0002, 0.2];
         let steps = 100_000;
-        let mut sums = [0.0; 10];
+        let mut sums = [0.0_f64; 10];
         for i in 0..steps {
             let factors = comb(&chances, (i as f32 + 0.5) / steps as f32);
             sums.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += f64::from(factor));
         }
         for (chance, sum) in chances.iter().zip(sums) {
-            assert!((sum / f64::from(steps) - 1.0).abs() < 0.05, "{chance}: {}", sum / f64::from(steps));
+            let mean = sum / f64::from(steps);
+            // As near as so many steps tell of those that few of them meet.
+            assert!((mean - 1.0).abs() < 1e-3 + 1e-5 / f64::from(*chance), "{chance}: {mean}");
         }
     }
 

@@ -166,13 +166,15 @@ impl PhotonMap {
                     caught.irradiance += share;
                     // One number chooses among all in proportion to their light: it is stretched again each time.
                     let weight = luminance(share);
-                    total += weight;
-                    let chance = weight / total;
-                    if u < chance {
-                        u /= chance;
-                        (caught.wi, caught.from_there) = (photon.wi, share / weight);
-                    } else {
-                        u = ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON);
+                    if weight > 0.0 {
+                        total += weight;
+                        let chance = weight / total;
+                        if u < chance {
+                            u /= chance;
+                            (caught.wi, caught.from_there) = (photon.wi, share / weight);
+                        } else {
+                            u = ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON);
+                        }
                     }
                 }
             }

@@ -259,6 +259,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_curve_goes_from_neighbour_to_neighbour() {
+        const EDGE: u32 = 8;
+        let cell = |i: u32| UVec3::new(i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE);
+        let mut cells: Vec<UVec3> = (0..EDGE.pow(3)).map(cell).collect();
+        cells.sort_by_key(|cell| curve((cell.as_vec3() + 0.5) / EDGE as f32));
+        let step = |a: UVec3, b: UVec3| a.as_ivec3().distance_squared(b.as_ivec3());
+        assert!(cells.windows(2).all(|pair| step(pair[0], pair[1]) == 1));
+        assert!(curve(Vec3::splat(f32::NAN)) == curve(Vec3::ZERO) && curve(Vec3::ONE) > 0);
+    }
+
+    #[test]
     fn the_parts_of_a_set_are_as_bright_as_it() {
         let candidate = |(bounces, certain)| {
             let (position, normal, radiance) = (Vec3::ZERO, Vec3::Z, Vec3::ONE);
