@@ -195,6 +195,7 @@ impl Engine {
             filter: PixelFilter::new(request.filter),
             aligned: !matches!(renderer, Renderer::ByRegion(_)),
             ambient: request.ambient,
+            planes: film.has_planes(),
         };
         let rays = match renderer {
             Renderer::ByRegion(integrator) => {

@@ -40,6 +40,12 @@ impl Film {
         (frame.width, frame.height)
     }
 
+    /// Whether there is anything but light in it.
+    pub(crate) fn has_planes(&self) -> bool {
+        let frame = self.frame.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        !frame.planes.is_empty()
+    }
+
     /// All regions.
     pub(crate) fn regions(&self) -> impl Iterator<Item = Region> {
         let (width, height) = self.size();

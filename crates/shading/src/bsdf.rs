@@ -118,13 +118,17 @@ impl<F: Real> Bsdf<F> {
         // A floor keeps lobes whose estimate is far too low at some angle from becoming fireflies.
         let floor = total * 0.02;
         let mut sum = zero;
-        for (choice, weight) in self.choice.iter_mut().zip(weights) {
-            *choice = weight.max(floor).only(weight.gt(zero));
-            sum = sum + *choice;
+        for (group, weight) in weights.into_iter().enumerate() {
+            if self.has(group) {
+                self.choice[group] = weight.max(floor).only(weight.gt(zero));
+                sum = sum + self.choice[group];
+            }
         }
         let inverse = sum.recip().only(sum.gt(zero));
-        for choice in &mut self.choice {
-            *choice = *choice * inverse;
+        for group in 0..GROUPS.len() {
+            if self.has(group) {
+                self.choice[group] = self.choice[group] * inverse;
+            }
         }
     }
 
@@ -409,6 +413,14 @@ fn ggx_reflection<F: Real>(normal: Vector<F>, wo: Vector<F>, wi: Vector<F>, alph
 #[inline(always)]
 fn up<F: Real>(like: F) -> Vector<F> {
     Vector::new(like.splat(0.0), like.splat(0.0), like.splat(1.0))
+}
+
+impl<F: Real> ThinTransmission<F> {
+    #[inline(always)]
+    pub(crate) fn none(like: F) -> Self {
+        let zero = like.splat(0.0);
+        Self { color: Vector::grey(zero), alpha: zero.splat(1.0) }
+    }
 }
 
 impl<F: Real> Glass<F> {

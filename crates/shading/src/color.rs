@@ -44,28 +44,6 @@ pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Linear values of 8-bit sRGB codes on lanes: relative error below 4e-4, a tenth of what half a code is; 0 and 255 are exact.
-/// Several at a time, step by step, so that processors have something to do while they wait for each.
-#[inline(always)]
-pub(crate) fn srgb_decode_codes<F: Real, const N: usize>(codes: [F; N]) -> [F; N] {
-    let mut e = codes;
-    for e in &mut e {
-        *e = *e * UNIT;
-    }
-    // 1 + (e − 1) q(e), a minimax fit to the codes of the curved part.
-    let mut q = [e[0].splat(0.106_744_34); N];
-    for coefficient in [-0.244_015_4, 0.455_118_64, 0.965_455_7, 0.999_108_46] {
-        for (q, &e) in q.iter_mut().zip(&e) {
-            *q = *q * e + coefficient;
-        }
-    }
-    for (q, &e) in q.iter_mut().zip(&e) {
-        let curved = *q * (e - 1.0) + 1.0;
-        *q = (e * (1.0 / 12.92)).where_or(e.lt(e.splat(0.04045)), curved);
-    }
-    q
-}
-
 /// The step between 8-bit codes of linear values.
 pub(crate) const UNIT: f32 = 1.0 / 255.0;
 
@@ -79,9 +57,9 @@ pub(crate) static UNIT8: [f32; 256] = {
     values
 };
 
-/// Linear values of all 8-bit sRGB codes, by [`srgb_decode_codes`].
+/// Linear values of all 8-bit sRGB codes.
 pub(crate) static SRGB8: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|code| srgb_decode_codes([code as f32])[0]));
+    LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f32 * UNIT)));
 
 #[cfg(test)]
 mod tests {
@@ -92,8 +70,6 @@ mod tests {
         for code in 0..=255 {
             let linear = SRGB8[code];
             assert_eq!((srgb_encode(linear) * 255.0).round() as usize, code);
-            let exact = srgb_decode(code as f32 / 255.0);
-            assert!((linear - exact).abs() <= 4e-4 * exact, "code {code}: {linear}, not {exact}");
         }
         assert_eq!((SRGB8[0], SRGB8[255]), (0.0, 1.0));
         // 50 % grey code 188 ≈ 0.5029 linear by the standard's formula.

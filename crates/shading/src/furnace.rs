@@ -40,7 +40,7 @@ fn appear(material: &Material, cos: f32, front: bool, cache: &mut InterfaceCache
     let wo = Vector::new((1.0 - cos * cos).sqrt(), 0.0, cos);
     let at = TextureCoordinates::square([[0.0; 2]; 2], [0.0; 2], Vec4::ONE.into());
     let closure = material.closure(&at, (normal, normal), front);
-    appearance(&material, &closure, &LobeGeometry { ng: normal, wo, front })
+    appearance((&material, material.lobes()), &closure, &LobeGeometry { ng: normal, wo, front })
 }
 
 /// Low-discrepancy points of the unit cube.

@@ -2,10 +2,10 @@
 
 use fearless_simd::{Level, Simd};
 use glam::{Vec2, Vec3};
-use heliostat_kernel::Hit;
+use heliostat_kernel::{Hit, Ray};
 use heliostat_scene::{Geometry, Mesh};
 
-use crate::lanes::{Floats, Packet, Real, Vector, Vectors, WIDTH, log2};
+use crate::lanes::{Floats, Mask, Packet, Real, Vector, Vectors, WIDTH, Whole, log2};
 use crate::material::SurfaceMaterial;
 use crate::packet::on_lanes;
 use crate::placement::{Placement, ShadedPart};
@@ -22,6 +22,8 @@ pub(crate) struct Triangles {
     /// Columns of the linear part of the transform to the world, its translation, the columns of the transform of normals,
     /// and [`Placement::detour`].
     placements: Runs<22>,
+    /// Whether any mesh has normals.
+    smooth: bool,
     /// 1 where the interpolated normal pointed to the back and was turned round, 0 elsewhere.
     turned: Floats,
 }
@@ -102,6 +104,7 @@ impl Points {
         self.read_attributes(material, reached);
         (self.color, self.alpha) = (WHITE, WHITE.x);
         let mut others = 0_u32;
+        triangles.smooth = false;
         let mut before: Option<&Hit> = None;
         let mut place_before: Option<&Placement> = None;
         for (lane, &(arrival, placement, part)) in reached.iter().enumerate().take(WIDTH) {
@@ -194,7 +197,9 @@ impl Triangles {
         let to = self.corners.begin(lane);
         let [a, b, c] = corners(mesh, indices, arrival.ray.time);
         to[..9].copy_from_slice(&[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
-        let [a, b, c] = three(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]);
+        let normals = three(&mesh.normals, indices);
+        self.smooth |= normals.is_some();
+        let [a, b, c] = normals.unwrap_or([Vec3::ZERO; 3]);
         to[9..18].copy_from_slice(&[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
         for (set, uvs) in mesh.uvs.iter().enumerate().filter(|&(set, _)| material.uses_uvs(set)) {
             let corners = three(uvs, indices);
@@ -239,6 +244,13 @@ fn vectors<F: Real>([ax, ay, az, bx, by, bz, cx, cy, cz]: [F; 9]) -> [Vector<F>;
     [Vector::new(ax, ay, az), Vector::new(bx, by, bz), Vector::new(cx, cy, cz)]
 }
 
+/// Four numbers that lie side by side in memory, for lanes from `lane` on.
+#[inline(always)]
+fn quads<F: Real>(token: F::Token, lane: usize, from: impl Fn(usize) -> [u32; 4]) -> [F; 4] {
+    let [a, b, c, d] = F::Whole::gather_quads(token, lane, from);
+    [a.as_real_bits(), b.as_real_bits(), c.as_real_bits(), d.as_real_bits()]
+}
+
 /// A placement in registers.
 #[derive(Clone, Copy)]
 struct Place<F> {
@@ -251,9 +263,26 @@ struct Place<F> {
 }
 
 impl<F: Real> Place<F> {
+    /// The placement of all lanes.
+    #[inline(always)]
+    fn one(token: F::Token, values: &[f32; 22]) -> Self {
+        let mut lanes = [F::constant(token, 0.0); 22];
+        for (lanes, &value) in lanes.iter_mut().zip(values) {
+            *lanes = F::constant(token, value);
+        }
+        Self::new(lanes)
+    }
+
+    /// The placements of lanes from `lane` on.
     #[inline(always)]
     fn load(token: F::Token, placements: &Runs<22>, lane: usize) -> Self {
         let of = placements.of::<F>(token, lane);
+        Self::new(placements.load(of, lane, 0))
+    }
+
+    /// From values in the order of [`Triangles::placements`].
+    #[inline(always)]
+    fn new(values: [F; 22]) -> Self {
         let [
             ax,
             ay,
@@ -277,7 +306,7 @@ impl<F: Real> Place<F> {
             ncy,
             ncz,
             detour,
-        ] = placements.load(of, lane, 0);
+        ] = values;
         Self {
             linear: vectors([ax, ay, az, bx, by, bz, cx, cy, cz]),
             translation: Vector::new(x, y, z),
@@ -297,18 +326,46 @@ fn interpolate<F: Real>(
     triangles: &mut Triangles,
     points: &mut Points,
 ) {
+    // One placement for all is the rule, and takes no registers.
+    if triangles.placements.count == 1 {
+        let place = Place::<F>::one(token, &triangles.placements.values[0]);
+        interpolate_at((token, lane), material, place, reached, triangles, points);
+    } else {
+        let place = Place::<F>::load(token, &triangles.placements, lane);
+        interpolate_at((token, lane), material, place, reached, triangles, points);
+    }
+}
+
+#[inline(always)]
+fn interpolate_at<F: Real>(
+    (token, lane): (F::Token, usize),
+    material: &SurfaceMaterial,
+    Place { linear, translation, normals, detour }: Place<F>,
+    reached: &[Reached<'_>],
+    triangles: &mut Triangles,
+    points: &mut Points,
+) {
     let own = &reached[lane..lane + F::LANES];
     let arrival = |at: usize| &own[at - lane].0;
     let hit = |lane: usize| arrival(lane).hit;
-    let ng = Vector::<F>::gather(token, lane, |lane| hit(lane).ng);
-    let wo = Vector::<F>::gather(token, lane, |lane| -arrival(lane).ray.direction);
+    // Words that lie side by side in memory, read together.
+    let [distance, u, v, ng_x] = quads::<F>(token, lane, |lane| {
+        let &Hit { t, u, v, ng, .. } = hit(lane);
+        [t, u, v, ng.x].map(f32::to_bits)
+    });
+    let [ng_y, ng_z, ..] = quads::<F>(token, lane, |lane| {
+        let &Hit { ng, geometry, primitive, .. } = hit(lane);
+        [ng.y.to_bits(), ng.z.to_bits(), geometry, primitive]
+    });
+    let [x, y, z, _] = quads::<F>(token, lane, |lane| {
+        let &Ray { direction, t_max, .. } = arrival(lane).ray;
+        [direction.x, direction.y, direction.z, t_max].map(f32::to_bits)
+    });
+    let (ng, wo) = (Vector::new(ng_x, ng_y, ng_z), -Vector::new(x, y, z));
     let width = F::gather(token, lane, |lane| arrival(lane).cone.width);
-    let u = F::gather(token, lane, |lane| hit(lane).u);
-    let v = F::gather(token, lane, |lane| hit(lane).v);
     ng.store(&mut points.ng, lane);
     wo.store(&mut points.wo, lane);
     let corner_of = triangles.corners.of::<F>(token, lane);
-    let Place { linear, translation, normals, detour } = Place::<F>::load(token, &triangles.placements, lane);
     let lanes = Lanes { weights: [u.complement() - v, u, v], linear };
     let corners = vectors(triangles.corners.load(corner_of, lane, 0));
     let at = lanes.mix(corners);
@@ -322,18 +379,23 @@ fn interpolate<F: Real>(
     let error = (magnitude + detour) * Placement::ROUNDING;
     error.store(&mut points.error, lane);
 
-    let smooth = lanes.mix(vectors(triangles.corners.load(corner_of, lane, 9)));
-    let smooth = transform(normals, smooth).normalized_or(ng);
-    // Some files' normals disagree with their winding; the winding decides which side is the front.
-    let turned = smooth.dot(ng).lt(u.splat(0.0));
-    (-smooth).where_or(turned, smooth).store(&mut points.normal, lane);
-    u.splat(1.0).only(turned).store(&mut triangles.turned, lane);
+    if triangles.smooth {
+        let smooth = lanes.mix(vectors(triangles.corners.load(corner_of, lane, 9)));
+        let smooth = transform(normals, smooth).normalized_or(ng);
+        // Some files' normals disagree with their winding; the winding decides which side is the front.
+        let turned = smooth.dot(ng).lt(u.splat(0.0));
+        (-smooth).where_or(turned, smooth).store(&mut points.normal, lane);
+        u.splat(1.0).only(turned).store(&mut triangles.turned, lane);
+    } else {
+        ng.store(&mut points.normal, lane);
+        u.splat(0.0).store(&mut triangles.turned, lane);
+    }
     if !material.is_textured() {
         return;
     }
     if material.shader.is_some() {
         width.store(&mut points.width, lane);
-        F::gather(token, lane, |lane| hit(lane).t).store(&mut points.distance, lane);
+        distance.store(&mut points.distance, lane);
         let level = F::gather(token, lane, |lane| arrival(lane).level as f32);
         level.store(&mut points.level, lane);
         at.store(&mut points.object_position, lane);
@@ -344,20 +406,24 @@ fn interpolate<F: Real>(
         Vector::new(x.z, y.z, z.z).store(&mut points.object_from_world[2], lane);
     }
     let (along_u, along_v) = (transform(lanes.linear, b - a), transform(lanes.linear, c - a));
-    let world_area = along_u.cross(along_v).length();
+    let normal = along_u.cross(along_v);
+    let world_area = normal.length();
     let cos = ng.dot(wo).abs();
     // At grazing angles the footprint is an ellipse, which a row of squares covers. Limiting its length bounds the work, and
     // the samples of the pixel filter the rest.
     let stretch = cos.max(cos.splat(1.0 / LONGEST)).recip();
     let count = (stretch / LONGEST_PROBE).floor() + 1.0;
     count.store(&mut points.probes.count, lane);
-    let probe = width * stretch / count;
-    // Where the longer axis ends, from the corner of the triangle: its shares of the edges.
-    let flat = wo - ng * ng.dot(wo);
-    let axis = flat.normalized_or(flat) * (width * stretch);
-    let normal = along_u.cross(along_v);
-    let inverse = normal.length_squared().max(cos.splat(f32::MIN_POSITIVE)).recip();
-    let axis = [axis.cross(along_v).dot(normal) * inverse, along_u.cross(axis).dot(normal) * inverse];
+    let (mut probe, mut axis) = (width * stretch, [cos.splat(0.0); 2]);
+    // Squares lie side by side for few lanes.
+    if count.gt(cos.splat(1.0)).any() {
+        probe = probe / count;
+        // Where the longer axis ends, from the corner of the triangle: its shares of the edges.
+        let flat = wo - ng * ng.dot(wo);
+        let along = flat.normalized_or(flat) * (width * stretch);
+        let inverse = normal.length_squared().max(cos.splat(f32::MIN_POSITIVE)).recip();
+        axis = [along.cross(along_v).dot(normal) * inverse, along_u.cross(along).dot(normal) * inverse];
+    }
     for set in 0..2 {
         if material.uses_uvs(set) {
             let (area, known) = map(lane, (set, corner_of), (lanes.weights, axis), triangles, points);

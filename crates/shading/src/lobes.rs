@@ -37,14 +37,13 @@ pub(crate) struct Appearance<F> {
     pub(crate) albedo: Vector<F>,
 }
 
-/// The lobes of a closure, whose normals lie on the viewer's side.
+/// The lobes of a closure, whose normals lie on the viewer's side; at most `lobes`, which are the material's.
 #[inline(always)]
 pub(crate) fn appearance<F: Real>(
-    material: &SurfaceMaterial,
+    (material, lobes): (&SurfaceMaterial, Lobes),
     closure: &Closure<F>,
     geometry: &LobeGeometry<F>,
 ) -> Appearance<F> {
-    let lobes = material.lobes();
     let (base, metallic, coverage) = (closure.base_color, closure.metallic, closure.opacity);
     let (zero, one) = (coverage.splat(0.0), coverage.splat(1.0));
     let black = Vector::grey(zero);

@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd};
 
 use crate::lanes::{Floats, Mask, Packet, Real, Vector, Vectors, WIDTH};
-use crate::lobe_set::Selection;
+use crate::lobe_set::{Lobes, Selection};
 use crate::surface::{LaneMode, Surfaces};
 
 /// Light that arrives at the points of a packet from one emitter, a sampled direction each.
@@ -122,7 +122,12 @@ fn evaluate<F: Real>(
     which: Selection,
     out: &mut Scattering,
 ) {
-    let value = surfaces.bsdf::<F>(token, lane).evaluate(Vector::load(token, wi, lane), which);
+    let wi = Vector::load(token, wi, lane);
+    // Diffuse surfaces are frequent and need few of their fields.
+    let value = match surfaces.lobes() == Lobes::DIFFUSE {
+        true => surfaces.diffuse_bsdf::<F>(token, lane).evaluate(wi, which),
+        false => surfaces.bsdf::<F>(token, lane).evaluate(wi, which),
+    };
     value.f_cos.store(&mut out.f_cos, lane);
     value.pdf.store(&mut out.pdf, lane);
 }

@@ -219,13 +219,33 @@ impl Surfaces {
             position: Vector::load(token, &self.position, lane),
             error: F::load(token, &self.error, lane),
             front: F::load(token, &self.front, lane).gt(zero),
-            emission: Vector::load(token, &self.emission, lane),
+            emission: present(token, self.present.emission, &self.emission, lane),
             coverage: F::load(token, &self.coverage, lane),
-            through: Vector::load(token, &self.through, lane),
+            through: present(token, self.present.through, &self.through, lane),
             bsdf: self.bsdf(token, lane),
             albedo: Vector::load(token, &self.albedo, lane),
-            ambient: Vector::load(token, &self.ambient, lane),
-            absorption: Vector::load(token, &self.absorption, lane),
+            ambient: present(token, self.present.ambient, &self.ambient, lane),
+            absorption: present(token, self.present.absorption, &self.absorption, lane),
+        }
+    }
+
+    /// The scattering functions of lanes from `lane` on, if none has lobes but the diffuse one.
+    #[inline(always)]
+    pub(crate) fn diffuse_bsdf<F: Real>(&self, token: F::Token, lane: usize) -> Bsdf<F> {
+        let zero = F::constant(token, 0.0);
+        let normal = Vector::load(token, &self.normal, lane);
+        Bsdf {
+            normal,
+            coat_normal: normal,
+            ng: Vector::load(token, &self.ng, lane),
+            wo: Vector::load(token, &self.wo, lane),
+            diffuse: Vector::load(token, &self.diffuse, lane),
+            specular: Reflection::none(zero),
+            coat: Reflection::none(zero),
+            glass: Glass::none(zero),
+            thin: ThinTransmission::none(zero),
+            lobes: Lobes::DIFFUSE,
+            choice: [F::load(token, &self.choice[0], lane), zero, zero, zero, zero],
         }
     }
 
@@ -236,9 +256,13 @@ impl Surfaces {
         let has_glass = !self.lobes.intersection(Lobes::GLASS_REFLECT).is_empty();
         let [c0, c1, c2, c3, c4] = &self.choice;
         let [eta, alpha, reflectance, reflect] = &self.glass;
+        let normal = Vector::load(token, &self.normal, lane);
         Bsdf {
-            normal: Vector::load(token, &self.normal, lane),
-            coat_normal: Vector::load(token, &self.coat_normal, lane),
+            normal,
+            coat_normal: match self.lobes.contains(Lobes::COAT) {
+                true => Vector::load(token, &self.coat_normal, lane),
+                false => normal,
+            },
             ng: Vector::load(token, &self.ng, lane),
             wo: Vector::load(token, &self.wo, lane),
             diffuse: Vector::load(token, &self.diffuse, lane),
@@ -260,9 +284,12 @@ impl Surfaces {
                 },
                 false => Glass::none(zero),
             },
-            thin: ThinTransmission {
-                color: Vector::load(token, &self.thin, lane),
-                alpha: F::load(token, &self.thin_alpha, lane),
+            thin: match self.lobes.contains(Lobes::THIN_TRANSMIT) {
+                true => ThinTransmission {
+                    color: Vector::load(token, &self.thin, lane),
+                    alpha: F::load(token, &self.thin_alpha, lane),
+                },
+                false => ThinTransmission::none(zero),
             },
             lobes: self.lobes,
             choice: [
@@ -289,16 +316,25 @@ impl Surfaces {
         surface.position.store(&mut self.position, lane);
         surface.error.store(&mut self.error, lane);
         one.only(surface.front).store(&mut self.front, lane);
-        surface.emission.store(&mut self.emission, lane);
+        // What no lane has is not asked for; of single lanes others may follow that have it.
+        let one_by_one = F::LANES == 1;
+        if self.present.emission || one_by_one {
+            surface.emission.store(&mut self.emission, lane);
+        }
         surface.coverage.store(&mut self.coverage, lane);
-        surface.through.store(&mut self.through, lane);
+        if self.present.through || one_by_one {
+            surface.through.store(&mut self.through, lane);
+        }
         surface.albedo.store(&mut self.albedo, lane);
-        surface.ambient.store(&mut self.ambient, lane);
-        surface.absorption.store(&mut self.absorption, lane);
+        if self.present.ambient || one_by_one {
+            surface.ambient.store(&mut self.ambient, lane);
+        }
+        if self.present.absorption || one_by_one {
+            surface.absorption.store(&mut self.absorption, lane);
+        }
         let bsdf = &surface.bsdf;
         self.lobes = bsdf.lobes;
         bsdf.normal.store(&mut self.normal, lane);
-        bsdf.coat_normal.store(&mut self.coat_normal, lane);
         bsdf.ng.store(&mut self.ng, lane);
         bsdf.wo.store(&mut self.wo, lane);
         for (choice, to) in bsdf.choice.iter().zip(&mut self.choice) {
@@ -309,6 +345,7 @@ impl Surfaces {
             self.specular.store(bsdf.specular, lane);
         }
         if bsdf.lobes.contains(Lobes::COAT) {
+            bsdf.coat_normal.store(&mut self.coat_normal, lane);
             self.coat.store(bsdf.coat, lane);
         }
         if bsdf.lobes.contains(Lobes::GLASS_REFLECT) {
@@ -319,9 +356,17 @@ impl Surfaces {
             bsdf.glass.reflect.store(reflect, lane);
             bsdf.glass.transmit.store(&mut self.transmit, lane);
         }
-        bsdf.thin.color.store(&mut self.thin, lane);
-        bsdf.thin.alpha.store(&mut self.thin_alpha, lane);
+        if bsdf.lobes.contains(Lobes::THIN_TRANSMIT) {
+            bsdf.thin.color.store(&mut self.thin, lane);
+            bsdf.thin.alpha.store(&mut self.thin_alpha, lane);
+        }
     }
+}
+
+/// Vectors that are zero unless some lane has any.
+#[inline(always)]
+fn present<F: Real>(token: F::Token, any: bool, from: &Vectors, lane: usize) -> Vector<F> {
+    if any { Vector::load(token, from, lane) } else { Vector::grey(F::constant(token, 0.0)) }
 }
 
 /// How shaders run. No result depends on it.
@@ -379,7 +424,11 @@ fn plain<F: Real>(
     out: &mut Surfaces,
 ) {
     let closure = closure::<F>(token, material, points, lane);
-    out.store::<F>(&surface(token, material, points, closure, lane), lane);
+    // Compiled for the most frequent set of lobes too, which takes a fraction of what all of them take.
+    match material.lobes() == Lobes::DIFFUSE {
+        true => out.store::<F>(&surface((token, lane), material, Lobes::DIFFUSE, points, closure), lane),
+        false => out.store::<F>(&surface((token, lane), material, material.lobes(), points, closure), lane),
+    }
 }
 
 /// What a shader starts from.
@@ -405,7 +454,7 @@ fn finish<F: Real>(
     out: &mut Surfaces,
 ) {
     let closure = closures.load::<F>(token, lane).sane();
-    out.store::<F>(&surface(token, material, points, closure, lane), lane);
+    out.store::<F>(&surface((token, lane), material, material.lobes(), points, closure), lane);
 }
 
 /// The closure of a material at points, from `lane` on.
@@ -424,23 +473,26 @@ fn closure<F: Real>(token: F::Token, material: &SurfaceMaterial, points: &Points
     material.closure(&at, (normal, coat_normal), front)
 }
 
-/// The surface at points, from `lane` on, of a closure.
+/// The surface at points, from `lane` on, of a closure. `lobes` are the material's.
 #[inline(always)]
 fn surface<F: Real>(
-    token: F::Token,
+    (token, lane): (F::Token, usize),
     material: &SurfaceMaterial,
+    lobes: Lobes,
     points: &Points,
     mut closure: Closure<F>,
-    lane: usize,
 ) -> Surface<F> {
     let zero = F::constant(token, 0.0);
     let wo = Vector::<F>::load(token, &points.wo, lane);
     let ng = Vector::<F>::load(token, &points.ng, lane);
     let front = ng.dot(wo).gt(zero);
     closure.normal = towards_viewer(closure.normal.where_or(front, -closure.normal), wo);
-    closure.coat_normal = towards_viewer(closure.coat_normal.where_or(front, -closure.coat_normal), wo);
+    closure.coat_normal = match lobes.contains(Lobes::COAT) {
+        true => towards_viewer(closure.coat_normal.where_or(front, -closure.coat_normal), wo),
+        false => closure.normal,
+    };
     let ng = ng.where_or(front, -ng);
-    let mut appearance = appearance(material, &closure, &LobeGeometry { ng, wo, front });
+    let mut appearance = appearance((material, lobes), &closure, &LobeGeometry { ng, wo, front });
     let (mut emission, mut ambient) = (closure.emission, closure.ambient);
     if material.source().unlit {
         emission = closure.base_color;
@@ -489,6 +541,9 @@ fn towards_viewer<F: Real>(n: Vector<F>, wo: Vector<F>) -> Vector<F> {
     const LEAST_COSINE: f32 = 0.01;
     let least = n.x.splat(LEAST_COSINE);
     let cos = n.dot(wo);
+    if cos.ge(least).all() {
+        return n;
+    }
     let bent = (n + wo * (least - cos)).normalized_or(wo);
     n.where_or(cos.ge(least), bent)
 }

@@ -101,8 +101,9 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
             if *shadowed {
                 surfaces.spawn(&light.wi, count, origins);
             }
+            let scattered = f_cos.times(&light.weight);
             for (lane, ray) in arrived.rays().enumerate() {
-                let radiance = ray.weight * f_cos.get(lane) * light.weight.get(lane);
+                let radiance = ray.weight * scattered.get(lane);
                 if radiance != Vec3::ZERO && !*shadowed {
                     sums[ray.pixel as usize].add_lit(radiance);
                 } else if radiance != Vec3::ZERO {

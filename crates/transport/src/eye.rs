@@ -16,7 +16,7 @@ use heliostat_shading::{
 };
 
 use crate::mis::{Scattered, Visits, emission_weight, environment};
-use crate::region::{CameraSample, FirstHit, PixelSum, Settings, View, Walk};
+use crate::region::{Adds, CameraSample, FirstHit, PixelSum, Settings, View, Walk};
 use crate::shadow::MAX_PASSED;
 
 /// Edges when the request does not say.
@@ -191,6 +191,7 @@ impl<'a, Q: ?Sized, L> EyeWalk<'a, Q, L> {
 impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
     type Ray = WeightedRay;
 
+    #[inline(always)]
     fn start(sample: &CameraSample) -> WeightedRay {
         WeightedRay {
             pixel: sample.pixel,
@@ -208,6 +209,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
         }
     }
 
+    #[inline(always)]
     fn ray(ray: &WeightedRay) -> Ray {
         ray.ray
     }
@@ -217,7 +219,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
         mut rays: Vec<WeightedRay>,
         hits: &[Hit],
         sums: &mut [PixelSum],
-        first_sample: bool,
+        adds: Adds,
     ) -> Vec<WeightedRay> {
         let scene = self.view.scene;
         self.in_flight.fill(0);
@@ -227,7 +229,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
         }
         let mut shader = std::mem::take(&mut self.shader);
         if self.lighting.groups() == 1 {
-            self.shade(&mut shader, &mut rays, hits, sums, first_sample);
+            self.shade(&mut shader, &mut rays, hits, sums, adds);
             self.lighting.finish(self.view, 0, sums);
         } else {
             self.sort_by_group(&mut shader, &rays);
@@ -240,7 +242,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> Walk for EyeWalk<'_, Q, L> {
                     own.push(rays[index as usize]);
                     own_hits.push(hits[index as usize]);
                 }
-                self.shade(&mut shader, &mut own, &own_hits, sums, first_sample);
+                self.shade(&mut shader, &mut own, &own_hits, sums, adds);
                 self.lighting.finish(self.view, group, sums);
             }
             (shader.rays, shader.hits) = (own, own_hits);
@@ -279,7 +281,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         rays: &mut [WeightedRay],
         hits: &[Hit],
         sums: &mut [PixelSum],
-        first_sample: bool,
+        adds: Adds,
     ) {
         let scene = self.view.scene;
         shader.sorter.sort(scene, hits);
@@ -287,7 +289,7 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         for packet in sorter.packets() {
             let before = &*rays;
             scene.shade(&packet, |i| before[i].arrival(&hits[i]), scratch, surfaces);
-            let count = self.arrive(&packet, rays, hits, surfaces, (sums, first_sample));
+            let count = self.arrive(&packet, rays, hits, surfaces, (sums, adds));
             if count > 0 {
                 let arrived = Arrived { rays, lanes: &packet.hits[..count] };
                 let shared = self.lighting.packet(self.view, arrived, surfaces, sums);
@@ -306,31 +308,33 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         rays: &mut [WeightedRay],
         hits: &[Hit],
         surfaces: &Surfaces,
-        (sums, first_sample): (&mut [PixelSum], bool),
+        (sums, adds): (&mut [PixelSum], Adds),
     ) -> usize {
         let scene = self.view.scene;
         let glows = surfaces.glows() || self.ambient != Vec3::ZERO;
-        let filters = surfaces.filters();
+        let (filters, shown) = (surfaces.filters(), adds != Adds::Light);
         let mut count = 0;
         // Neighbours mostly lie on the same part.
         let mut known: Option<(&Hit, FirstHit)> = None;
         for (lane, &index) in packet.hits.iter().enumerate() {
             let (ray, hit) = (&mut rays[index as usize], &hits[index as usize]);
             let sum = &mut sums[ray.pixel as usize];
-            sum.shaded += 1.0;
+            if shown {
+                sum.shaded += 1.0;
+            }
             ray.cone = ray.cone.advanced(hit.t);
             if filters && !self.filter(ray, hit, surfaces, lane) {
                 continue;
             }
-            if !ray.seen {
-                let first = first_sample.then(|| match known {
+            if shown && !ray.seen {
+                let first = (adds == Adds::Identifiers).then(|| match known {
                     Some((before, first)) if hit.is_on_part_of(before) => first,
                     _ => FirstHit::of(scene, hit),
                 });
                 known = first.map(|first| (hit, first));
                 sum.add_first_hit(surfaces, lane, ray.passed_distance + hit.t, first);
-                ray.seen = true;
             }
+            ray.seen = true;
             if glows {
                 self.glow(ray, hit, surfaces, lane, sum);
             }

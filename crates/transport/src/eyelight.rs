@@ -8,7 +8,7 @@ use glam::Vec3;
 use heliostat_kernel::{Hit, Ray, RayQuery};
 use heliostat_shading::ShadingScene;
 
-use crate::region::{CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
+use crate::region::{Adds, CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
 
 /// See [`Integrator::render`](crate::Integrator::render).
 pub(crate) fn render<Q: RayQuery + ?Sized>(
@@ -29,10 +29,12 @@ struct EyeLight<'a> {
 impl Walk for EyeLight<'_> {
     type Ray = CameraSample;
 
+    #[inline(always)]
     fn start(sample: &CameraSample) -> CameraSample {
         *sample
     }
 
+    #[inline(always)]
     fn ray(sample: &CameraSample) -> Ray {
         sample.ray
     }
@@ -42,17 +44,20 @@ impl Walk for EyeLight<'_> {
         rays: Vec<CameraSample>,
         hits: &[Hit],
         sums: &mut [PixelSum],
-        first_sample: bool,
+        adds: Adds,
     ) -> Vec<CameraSample> {
         for (sample, hit) in rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit()) {
             let (sum, ray) = (&mut sums[sample.pixel as usize], &sample.ray);
             let cos = hit.ng.dot(ray.direction);
             sum.color += Vec3::splat(cos.abs());
+            if adds == Adds::Light {
+                continue;
+            }
             sum.depth += hit.t;
             sum.normal -= hit.ng * cos.signum();
             sum.position += ray.origin + ray.direction * hit.t;
             sum.hits += 1.0;
-            if first_sample {
+            if adds == Adds::Identifiers {
                 sum.first = Some(FirstHit::of(self.scene, hit));
             }
         }

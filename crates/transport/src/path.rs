@@ -12,7 +12,7 @@ use heliostat_shading::{
 
 use crate::eye::MIRROR_ALPHA;
 use crate::mis::{Scattered, Visits, emission_weight, environment, power_heuristic};
-use crate::region::{CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
+use crate::region::{Adds, CameraSample, FirstHit, PixelSum, Region, Settings, View, Walk, walk};
 use crate::shadow::{MAX_PASSED, PendingLight, ShadowBatch};
 
 /// Edges after which paths may be ended by Russian roulette.
@@ -108,6 +108,7 @@ impl Vertices {
 impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
     type Ray = Path;
 
+    #[inline(always)]
     fn start(sample: &CameraSample) -> Path {
         Path {
             pixel: sample.pixel,
@@ -124,17 +125,12 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
         }
     }
 
+    #[inline(always)]
     fn ray(path: &Path) -> Ray {
         path.ray
     }
 
-    fn step(
-        &mut self,
-        mut paths: Vec<Path>,
-        hits: &[Hit],
-        sums: &mut [PixelSum],
-        first_sample: bool,
-    ) -> Vec<Path> {
+    fn step(&mut self, mut paths: Vec<Path>, hits: &[Hit], sums: &mut [PixelSum], adds: Adds) -> Vec<Path> {
         let scene = self.view.scene;
         let mut next = Vec::with_capacity(paths.len());
         for (path, hit) in paths.iter_mut().zip(hits) {
@@ -154,7 +150,7 @@ impl<Q: RayQuery + ?Sized> Walk for Tracer<'_, Q> {
             for (lane, &index) in packet.hits.iter().enumerate() {
                 let (path, hit) = (paths[index as usize], &hits[index as usize]);
                 let sum = &mut sums[path.pixel as usize];
-                next.extend(self.at_surface(path, hit, (&shader.vertices, lane), sum, first_sample));
+                next.extend(self.at_surface(path, hit, (&shader.vertices, lane), sum, adds));
             }
         }
         self.shader = shader;
@@ -226,7 +222,7 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
             self.view.query.intersect(&rays, &mut hits);
             traced += rays.len() as u64;
             // Once more when no path is left: shadow rays still wait.
-            paths = self.step(paths, &hits, sums, false);
+            paths = self.step(paths, &hits, sums, Adds::Light);
             if paths.is_empty() {
                 return traced;
             }
@@ -240,12 +236,14 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
         hit: &Hit,
         (vertices, lane): (&Vertices, usize),
         sum: &mut PixelSum,
-        first_sample: bool,
+        adds: Adds,
     ) -> Option<Path> {
         let scene = self.view.scene;
         let surfaces = &vertices.surfaces;
         let surface = &surfaces.lane(lane);
-        sum.shaded += 1.0;
+        if adds != Adds::Light {
+            sum.shaded += 1.0;
+        }
         // Beer's law over the way through the solid that ends here.
         path.throughput *= (-Vec3::from(surface.absorption) * hit.t).exp();
 
@@ -258,8 +256,8 @@ impl<'a, Q: RayQuery + ?Sized> Tracer<'a, Q> {
             path.passed += 1;
             path.throughput *= surface.coverage / (1.0 - pass);
         }
-        if path.edges == 0 {
-            let first = first_sample.then(|| FirstHit::of(scene, hit));
+        if path.edges == 0 && adds != Adds::Light {
+            let first = (adds == Adds::Identifiers).then(|| FirstHit::of(scene, hit));
             sum.add_first_hit(surfaces, lane, path.passed_distance + hit.t, first);
         }
         let emission = Vec3::from(surface.emission);

@@ -39,6 +39,8 @@ pub struct Settings {
     pub aligned: bool,
     /// Constant radiance that every surface reflects, times its albedo. For `direct` alone.
     pub ambient: Vec3,
+    /// Whether sums of all but light are wanted: for a picture alone they would be made in vain.
+    pub planes: bool,
 }
 
 /// A rectangle of pixels: large enough to fill shader packets, small enough for the caches.
@@ -108,7 +110,7 @@ impl Region {
     }
 }
 
-/// What the samples of one pixel add up to.
+/// What the samples of one pixel add up to. All but the light stays zero where [`Settings::planes`] does not ask for it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PixelSum {
     /// Radiance found by camera rays and bounces.
@@ -201,14 +203,35 @@ pub(crate) struct Sample {
     pub(crate) number: u32,
     /// Its place in every pixel, from 0 to 1, where all put it at the same.
     pub(crate) place: Vec2,
-    /// Whether the sums get their first.
-    pub(crate) first: bool,
+    /// What it adds to the sums.
+    pub(crate) adds: Adds,
+}
+
+/// What a sample adds to the sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Adds {
+    /// Light.
+    Light,
+    /// And the geometry seen first.
+    Geometry,
+    /// And, as a pixel's first sample, the identifiers of that.
+    Identifiers,
+}
+
+impl Adds {
+    pub(crate) fn new(settings: &Settings, first: bool) -> Self {
+        match (settings.planes, first) {
+            (false, _) => Self::Light,
+            (true, false) => Self::Geometry,
+            (true, true) => Self::Identifiers,
+        }
+    }
 }
 
 impl Sample {
     /// One of a sequence.
-    pub(crate) fn new(number: u32, first: bool) -> Self {
-        Self { number, place: aligned_point(number), first }
+    pub(crate) fn new(number: u32, adds: Adds) -> Self {
+        Self { number, place: aligned_point(number), adds }
     }
 }
 
@@ -299,13 +322,13 @@ pub(crate) trait Walk {
     /// What to ask the kernel.
     fn ray(ray: &Self::Ray) -> Ray;
 
-    /// Shades the ends of all rays and returns those that go on. `first_sample` tells the pixel's first sample.
+    /// Shades the ends of all rays and returns those that go on.
     fn step(
         &mut self,
         rays: Vec<Self::Ray>,
         hits: &[Hit],
         sums: &mut [PixelSum],
-        first_sample: bool,
+        adds: Adds,
     ) -> Vec<Self::Ray>;
 }
 
@@ -321,7 +344,14 @@ pub(crate) fn walk<Q: RayQuery + ?Sized, W: Walk>(
 ) -> u64 {
     let mut traced = 0;
     for sample in 0..settings.samples {
-        traced += walk_sample(walk, view, settings, region, Sample::new(sample, sample == 0), sums);
+        traced += walk_sample(
+            walk,
+            view,
+            settings,
+            region,
+            Sample::new(sample, Adds::new(settings, sample == 0)),
+            sums,
+        );
         if !after_sample() {
             break;
         }
@@ -343,7 +373,7 @@ pub(crate) fn walk_sample<Q: RayQuery + ?Sized, W: Walk>(
     let mut hits = camera_hits::<Q, W>(view, &current);
     while !current.is_empty() {
         traced += current.len() as u64;
-        current = walk.step(current, &hits, sums, sample.first);
+        current = walk.step(current, &hits, sums, sample.adds);
         let rays: Vec<Ray> = current.iter().map(W::ray).collect();
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);

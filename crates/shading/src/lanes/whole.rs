@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::ops::{BitAnd, BitOr, BitXor};
 
-use fearless_simd::{Simd, f32x16, prelude::*, u32x16, u64x8};
+use fearless_simd::{Simd, f32x16, prelude::*, u32x4, u32x16, u64x8};
 
 use super::{Real, WIDTH};
 
@@ -31,6 +31,13 @@ pub trait Whole:
         lane: usize,
         from: impl Fn(usize) -> u64,
     ) -> [Self; 2];
+
+    /// Four numbers for as many lanes from `lane` on, which lie side by side.
+    fn gather_quads(
+        token: <Self::Real as Real>::Token,
+        lane: usize,
+        from: impl Fn(usize) -> [u32; 4],
+    ) -> [Self; 4];
 
     /// Stores as many lanes from `lane` on.
     fn store(self, to: &mut Wholes, lane: usize);
@@ -107,6 +114,11 @@ impl Whole for u32 {
     fn gather_pairs((): (), lane: usize, from: impl Fn(usize) -> u64) -> [Self; 2] {
         let pair = from(lane);
         [pair as u32, (pair >> 32) as u32]
+    }
+
+    #[inline(always)]
+    fn gather_quads((): (), lane: usize, from: impl Fn(usize) -> [u32; 4]) -> [Self; 4] {
+        from(lane)
     }
 
     #[inline(always)]
@@ -192,6 +204,26 @@ impl<S: Simd> Whole for u32x16<S> {
         let low: Self = u64x8::load_array(token, low).bitcast();
         let high: Self = u64x8::load_array(token, high).bitcast();
         [low.unzip_low(high), low.unzip_high(high)]
+    }
+
+    #[inline(always)]
+    fn gather_quads(token: S, _: usize, from: impl Fn(usize) -> [u32; 4]) -> [Self; 4] {
+        let mut quads = [<u32x4<S> as SimdBase<S>>::splat(token, 0); WIDTH];
+        for (lane, quad) in quads.iter_mut().enumerate() {
+            *quad = u32x4::load_array(token, from(lane));
+        }
+        let mut rows = [<Self as SimdBase<S>>::splat(token, 0); 4];
+        for (row, &[a, b, c, d]) in rows.iter_mut().zip(quads.as_chunks().0) {
+            *row = a.combine(b).combine(c.combine(d));
+        }
+        let [a, b, c, d] = rows;
+        let (even, odd) = ([a.unzip_low(b), c.unzip_low(d)], [a.unzip_high(b), c.unzip_high(d)]);
+        [
+            even[0].unzip_low(even[1]),
+            odd[0].unzip_low(odd[1]),
+            even[0].unzip_high(even[1]),
+            odd[0].unzip_high(odd[1]),
+        ]
     }
 
     #[inline(always)]

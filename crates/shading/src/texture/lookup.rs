@@ -1,11 +1,10 @@
-//! Reading textures on lanes: where the texels are, what their codes stand for and how they are weighted. Only the reads
-//! themselves go lane by lane.
+//! Reading textures on lanes: where the texels are and how they are weighted. Only the reads themselves go lane by lane.
 
-use heliostat_scene::{ColorSpace, Wrap};
+use heliostat_scene::Wrap;
 
-use super::{MOST_LEVELS, MipMap, Texels};
-use crate::color::{SRGB8, UNIT, srgb_decode_codes};
-use crate::lanes::{LaneFn, LanesFn, Mask, Real, Whole, Wholes};
+use super::{MOST_LEVELS, MipMap, Texels, UNIT16};
+use crate::color::UNIT;
+use crate::lanes::{LanesFn, Mask, Real, Whole, Wholes};
 
 /// What a texture is filtered over: squares side by side, in texture space.
 #[derive(Clone, Copy, Debug)]
@@ -94,11 +93,11 @@ impl MipMap {
         let token = level.token();
         let [a, b] = self.pair::<F>(token, upper);
         let [c, d] = self.pair::<F>(token, upper.plus(width));
-        let mut mean = a;
+        let (mut mean, unit) = (a, self.unit());
         for channel in 0..4 {
             let near = a[channel].mix(b[channel], x.blend);
             let far = c[channel].mix(d[channel], x.blend);
-            mean[channel] = near.mix(far, y.blend);
+            mean[channel] = near.mix(far, y.blend) * unit;
         }
         mean
     }
@@ -111,19 +110,29 @@ impl MipMap {
         F::Whole::gather(level.token(), 0, |lane| self.starts[levels.0[lane] as usize % MOST_LEVELS])
     }
 
-    /// Linear RGBA of texels and of those after them.
+    /// RGBA of texels and of those after them, in steps of [`Self::unit`].
     #[inline(always)]
     fn pair<F: Real>(&self, token: F::Token, at: F::Whole) -> [[F; 4]; 2] {
         let mut indices = Wholes::default();
         at.store(&mut indices, 0);
         let index = |lane: usize| indices.0[lane] as usize;
         match &self.texels {
-            Texels::Codes(codes) => {
-                let [near, far] = F::Whole::gather_pairs(token, 0, |lane| {
+            Texels::Bytes(codes) => {
+                let pairs = F::Whole::gather_pairs(token, 0, |lane| {
                     let pair = &codes[index(lane)..index(lane) + 2];
                     u64::from(pair[0]) | u64::from(pair[1]) << 32
                 });
-                self.decoded([near, far])
+                let [near, far] = pairs;
+                [bytes(near), bytes(far)]
+            }
+            Texels::Shorts(codes) => {
+                let [near_rg, near_ba, far_rg, far_ba] = F::Whole::gather_quads(token, 0, |lane| {
+                    let pair = &codes[index(lane)..index(lane) + 2];
+                    [pair[0][0], pair[0][1], pair[1][0], pair[1][1]]
+                });
+                let ([r, g], [b, a]) = (shorts(near_rg), shorts(near_ba));
+                let ([s, t], [u, v]) = (shorts(far_rg), shorts(far_ba));
+                [[r, g, b, a], [s, t, u, v]]
             }
             Texels::Values(values) => {
                 let mut pair = [[F::constant(token, 0.0); 4]; 2];
@@ -137,32 +146,33 @@ impl MipMap {
         }
     }
 
-    /// Linear RGBA of two times four bytes.
+    /// What texels count in.
     #[inline(always)]
-    fn decoded<F: Real>(&self, [near, far]: [F::Whole; 2]) -> [[F; 4]; 2] {
-        let byte = near.splat(0xff);
-        let codes = [
-            (near & byte).to_real(),
-            (near.right(8) & byte).to_real(),
-            (near.right(16) & byte).to_real(),
-            (far & byte).to_real(),
-            (far.right(8) & byte).to_real(),
-            (far.right(16) & byte).to_real(),
-        ];
-        let [r, g, b, s, t, u] = match self.decode {
-            ColorSpace::Linear => {
-                let mut values = codes;
-                for value in &mut values {
-                    *value = *value * UNIT;
-                }
-                values
-            }
-            // Single numbers are quicker looked up; the table holds what lanes compute.
-            ColorSpace::Srgb if F::LANES == 1 => F::each(codes, &Srgb8),
-            ColorSpace::Srgb => srgb_decode_codes(codes),
-        };
-        [[r, g, b, near.right(24).to_real() * UNIT], [s, t, u, far.right(24).to_real() * UNIT]]
+    fn unit(&self) -> f32 {
+        match &self.texels {
+            Texels::Bytes(_) => UNIT,
+            Texels::Shorts(_) => UNIT16,
+            Texels::Values(_) => 1.0,
+        }
     }
+}
+
+/// The four bytes of numbers.
+#[inline(always)]
+fn bytes<W: Whole>(codes: W) -> [W::Real; 4] {
+    let byte = codes.splat(0xff);
+    [
+        (codes & byte).to_real(),
+        (codes.right(8) & byte).to_real(),
+        (codes.right(16) & byte).to_real(),
+        codes.right(24).to_real(),
+    ]
+}
+
+/// The two halves of numbers.
+#[inline(always)]
+fn shorts<W: Whole>(codes: W) -> [W::Real; 2] {
+    [(codes & codes.splat(0xffff)).to_real(), codes.right(16).to_real()]
 }
 
 impl LanesFn<6, 4> for MipMap {
@@ -208,16 +218,5 @@ fn folded<F: Real>(u: F, wrap: Wrap) -> F {
         // Every second time backwards.
         Wrap::Mirror => ((u * 0.5 - (u * 0.5).floor()) * 2.0 - 1.0).abs().complement(),
         Wrap::Clamp => u.clamp(0.0, 1.0),
-    }
-}
-
-/// Linear values of 8-bit sRGB codes.
-struct Srgb8;
-
-impl<const N: usize> LaneFn<N, N> for Srgb8 {
-    #[inline(always)]
-    fn at(&self, codes: [f32; N]) -> [f32; N] {
-        let table: &[f32; 256] = &SRGB8;
-        codes.map(|code| table[code as usize & 255])
     }
 }

@@ -2,12 +2,10 @@
 
 mod lookup;
 
-use std::sync::Arc;
-
 use glam::{Vec2, Vec4};
 use heliostat_scene::{ColorSpace, Image, Pixels, Texture, Wrap};
 
-use crate::color::{SRGB8, UNIT8, srgb_encode};
+use crate::color::{SRGB8, UNIT, UNIT8};
 pub(crate) use lookup::Footprint;
 
 /// Levels that a pyramid may have.
@@ -24,45 +22,64 @@ pub struct MipMap {
     starts: [u32; MOST_LEVELS],
     texels: Texels,
     mean: Vec4,
-    decode: ColorSpace,
     wrap: [Wrap; 2],
     nearest: bool,
 }
 
-/// The image itself, then levels of half the size each (rounded down), to 1×1, row by row. Every row goes on by one texel and
-/// every level by one row: by what lies there, so that the four texels around a point are two pairs of neighbours.
+/// The image itself, then levels of half the size each (rounded down), to 1×1, row by row, in linear light. Every row goes on by
+/// one texel and every level by one row: by what lies there, so that the four texels around a point are two pairs of neighbours.
 #[derive(Clone, Debug)]
 enum Texels {
-    /// A byte per channel, red lowest.
-    Codes(Vec<u32>),
+    /// A byte per channel, red lowest: images of linear bytes.
+    Bytes(Vec<u32>),
+    /// Sixteen bits per channel, red lowest: images of sRGB bytes, whose curve would cost more than all else of a lookup. Half a
+    /// step is a fortieth of the least step between codes.
+    Shorts(Vec<[u32; 2]>),
     Values(Vec<[f32; 4]>),
+}
+
+/// The step between 16-bit values.
+const UNIT16: f32 = 1.0 / 65_535.0;
+
+/// Where a level lies among the texels, and its size.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    start: usize,
+    width: u32,
+    height: u32,
+}
+
+impl Level {
+    /// Index of a texel inside the level.
+    fn index(self, x: u32, y: u32) -> usize {
+        self.start + y as usize * (self.width as usize + 1) + x as usize
+    }
 }
 
 impl MipMap {
     /// Builds the pyramid by area averages of linear values.
     pub fn new(texture: &Texture) -> Self {
-        let mut texels = match texture.image.pixels {
-            Pixels::Rgba8(_) => Texels::Codes(Vec::new()),
-            Pixels::RgbaF32(_) => Texels::Values(Vec::new()),
+        let Texture { image, color_space, wrap, .. } = texture;
+        let mut texels = match (&image.pixels, color_space) {
+            (Pixels::Rgba8(_), ColorSpace::Linear) => Texels::Bytes(Vec::new()),
+            (Pixels::Rgba8(_), ColorSpace::Srgb) => Texels::Shorts(Vec::new()),
+            (Pixels::RgbaF32(_), _) => Texels::Values(Vec::new()),
         };
-        let mut starts = [0; MOST_LEVELS];
-        let (mut level, mut coarsest) = (texture.image.clone(), 0);
-        loop {
-            starts[coarsest] = texels.push(&level, texture.wrap);
-            if level.width.max(level.height) == 1 {
-                break;
-            }
-            level = Arc::new(halved(&level, texture.color_space));
+        let (mut starts, mut coarsest) = ([0; MOST_LEVELS], 0);
+        let mut level =
+            texels.push(image.width, image.height, *wrap, |x, y| texel(image, x, y, *color_space));
+        while level.width.max(level.height) > 1 {
+            level = texels.push_halved(level, *wrap);
             coarsest += 1;
+            starts[coarsest] = level.start as u32;
         }
         Self {
-            size: Vec2::new(texture.image.width as f32, texture.image.height as f32),
+            size: Vec2::new(image.width as f32, image.height as f32),
             coarsest,
             starts,
+            mean: texels.linear(level.start),
             texels,
-            mean: texel(&level, 0, 0, texture.color_space),
-            decode: texture.color_space,
-            wrap: texture.wrap,
+            wrap: *wrap,
             nearest: texture.nearest,
         }
     }
@@ -79,38 +96,84 @@ impl MipMap {
 }
 
 impl Texels {
-    /// Appends a level and returns the index of its first texel.
-    fn push(&mut self, level: &Image, wrap: [Wrap; 2]) -> u32 {
-        match (self, &level.pixels) {
-            (Self::Codes(all), Pixels::Rgba8(bytes)) => {
-                append(all, bytes.as_chunks().0, level.width, wrap, |&bytes| u32::from_le_bytes(bytes))
-            }
-            (Self::Values(all), Pixels::RgbaF32(values)) => {
-                append(all, values.as_chunks().0, level.width, wrap, |&value| value)
-            }
-            _ => unreachable!("all levels have pixels of one kind"),
+    fn len(&self) -> usize {
+        match self {
+            Self::Bytes(all) => all.len(),
+            Self::Shorts(all) => all.len(),
+            Self::Values(all) => all.len(),
         }
+    }
+
+    /// Linear RGBA of a texel.
+    fn linear(&self, index: usize) -> Vec4 {
+        match self {
+            Self::Bytes(all) => Vec4::from_array(all[index].to_le_bytes().map(f32::from)) * UNIT,
+            Self::Shorts(all) => {
+                let [rg, ba] = all[index];
+                Vec4::from_array([rg & 0xffff, rg >> 16, ba & 0xffff, ba >> 16].map(|code| code as f32))
+                    * UNIT16
+            }
+            Self::Values(all) => Vec4::from_array(all[index]),
+        }
+    }
+
+    /// Appends a level of such texels, with the texel and the row more that it goes on by.
+    fn push(
+        &mut self,
+        width: u32,
+        height: u32,
+        [across, down]: [Wrap; 2],
+        of: impl Fn(u32, u32) -> Vec4,
+    ) -> Level {
+        let level = Level { start: self.len(), width, height };
+        let beyond = |wrap: Wrap, side: u32| if wrap == Wrap::Repeat { 0 } else { side - 1 };
+        let columns = || (0..width).chain([beyond(across, width)]);
+        let rows = (0..height).chain([beyond(down, height)]);
+        let texels = rows.flat_map(|y| columns().map(move |x| (x, y))).map(|(x, y)| of(x, y));
+        let count = (width as usize + 1) * (height as usize + 1);
+        match self {
+            Self::Bytes(all) => {
+                all.reserve(count);
+                all.extend(texels.map(|v| u32::from_le_bytes(codes(v, 255.0).map(|code| code as u8))));
+            }
+            Self::Shorts(all) => {
+                all.reserve(count);
+                all.extend(texels.map(|v| {
+                    let [r, g, b, a] = codes(v, 65_535.0);
+                    [r | g << 16, b | a << 16]
+                }));
+            }
+            Self::Values(all) => {
+                all.reserve(count);
+                all.extend(texels.map(|v| v.to_array()));
+            }
+        }
+        level
+    }
+
+    /// Appends the next coarser level: every texel is the area average of the finer ones it covers, fractions included.
+    fn push_halved(&mut self, finer: Level, wrap: [Wrap; 2]) -> Level {
+        let (width, height) = ((finer.width / 2).max(1), (finer.height / 2).max(1));
+        let (columns, rows) = (coverage(finer.width, width), coverage(finer.height, height));
+        let mut values = Vec::with_capacity(width as usize * height as usize);
+        for row in &rows {
+            for column in &columns {
+                let mut sum = Vec4::ZERO;
+                for &(y, wy) in row {
+                    for &(x, wx) in column {
+                        sum += wx * wy * self.linear(finer.index(x, y));
+                    }
+                }
+                values.push(sum);
+            }
+        }
+        self.push(width, height, wrap, |x, y| values[y as usize * width as usize + x as usize])
     }
 }
 
-/// Appends the rows of a level, with a texel and a row more, and returns the index of the first.
-fn append<T: Copy, U: Copy>(
-    all: &mut Vec<U>,
-    texels: &[T],
-    width: u32,
-    [across, down]: [Wrap; 2],
-    of: impl Fn(&T) -> U,
-) -> u32 {
-    let start = all.len();
-    let width = width as usize;
-    let rows = texels.chunks_exact(width);
-    all.reserve((width + 1) * (rows.len() + 1));
-    let beyond = if down == Wrap::Repeat { rows.clone().next() } else { rows.clone().next_back() };
-    for row in rows.chain(beyond) {
-        all.extend(row.iter().map(&of));
-        all.push(of(&row[if across == Wrap::Repeat { 0 } else { width - 1 }]));
-    }
-    start as u32
+/// Whole numbers that stand for linear values from 0 to 1.
+fn codes(linear: Vec4, white: f32) -> [u32; 4] {
+    linear.to_array().map(|value| (value * white).round().min(white) as u32)
 }
 
 /// Linear RGBA of one texel inside the image.
@@ -125,39 +188,6 @@ pub(crate) fn texel(image: &Image, x: u32, y: u32, decode: ColorSpace) -> Vec4 {
             };
             let color = |channel: usize| curve[p[i + channel] as usize];
             Vec4::new(color(0), color(1), color(2), UNIT8[p[i + 3] as usize])
-        }
-    }
-}
-
-/// The next coarser level: every texel is the area average of the finer ones it covers, fractions included.
-fn halved(image: &Image, decode: ColorSpace) -> Image {
-    let (width, height) = ((image.width / 2).max(1), (image.height / 2).max(1));
-    let (columns, rows) = (coverage(image.width, width), coverage(image.height, height));
-    let mut values = Vec::with_capacity(width as usize * height as usize);
-    for row in &rows {
-        for column in &columns {
-            let mut sum = Vec4::ZERO;
-            for &(y, wy) in row {
-                for &(x, wx) in column {
-                    sum += wx * wy * texel(image, x, y, decode);
-                }
-            }
-            values.push(sum);
-        }
-    }
-    let pixels = match image.pixels {
-        Pixels::RgbaF32(_) => Pixels::RgbaF32(values.iter().flat_map(|v| v.to_array()).collect()),
-        Pixels::Rgba8(_) => Pixels::Rgba8(values.iter().flat_map(|v| encoded(*v, decode)).collect()),
-    };
-    Image { width, height, pixels }
-}
-
-fn encoded(v: Vec4, color_space: ColorSpace) -> [u8; 4] {
-    let code = |x: f32| (x * 255.0).round() as u8;
-    match color_space {
-        ColorSpace::Linear => v.to_array().map(code),
-        ColorSpace::Srgb => {
-            [code(srgb_encode(v.x)), code(srgb_encode(v.y)), code(srgb_encode(v.z)), code(v.w)]
         }
     }
 }
@@ -177,7 +207,10 @@ fn coverage(fine: u32, coarse: u32) -> Vec<Vec<(u32, f32)>> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::color::srgb_decode;
 
     fn texture(width: u32, height: u32, value: impl Fn(u32, u32) -> f32) -> Texture {
         let pixels = (0..width * height).flat_map(|i| [value(i % width, i / width); 4]).collect();
@@ -221,6 +254,20 @@ mod tests {
         let map = MipMap::new(&Texture::new("bw", Arc::new(image), ColorSpace::Srgb));
         assert!((map.mean().x - 0.5).abs() < 0.005, "half of the light, not code 128: {}", map.mean());
         assert_eq!(map.mean().w, 1.0);
+    }
+
+    #[test]
+    fn srgb_keeps_its_codes() {
+        for code in 0..=255_u8 {
+            let image = Image::rgba8(1, 1, vec![code, code, code, code]);
+            let map = MipMap::new(&Texture::new("code", Arc::new(image), ColorSpace::Srgb));
+            let found = lookup(&map, Vec2::splat(0.5), 0.0);
+            let exact = srgb_decode(f32::from(code) / 255.0);
+            // The step between the darkest codes is 3e-4.
+            assert!((found.x - exact).abs() < 8e-6, "code {code}: {}, not {exact}", found.x);
+            assert!((found.w - f32::from(code) / 255.0).abs() < 1e-6, "{}", found.w);
+            assert_eq!(map.mean(), found);
+        }
     }
 
     #[test]
@@ -272,10 +319,22 @@ mod tests {
                     if level.width.max(level.height) == 1 {
                         break;
                     }
-                    (level, lod) = (Arc::new(halved(&level, ColorSpace::Linear)), lod + 1.0);
+                    (level, lod) = (halved(&level), lod + 1.0);
                 }
             }
         }
+    }
+
+    /// The next coarser level, by itself: no level goes on beyond its borders.
+    fn halved(image: &Image) -> Arc<Image> {
+        let (width, height) = ((image.width / 2).max(1), (image.height / 2).max(1));
+        let (columns, rows) = (coverage(image.width, width), coverage(image.height, height));
+        let mean = |row: &[(u32, f32)], column: &[(u32, f32)]| {
+            let pairs = row.iter().flat_map(|&(y, wy)| column.iter().map(move |&(x, wx)| (x, y, wx * wy)));
+            pairs.map(|(x, y, weight)| weight * texel(image, x, y, ColorSpace::Linear)).sum::<Vec4>()
+        };
+        let values = rows.iter().flat_map(|row| columns.iter().map(|column| mean(row, column)));
+        Arc::new(Image::rgba_f32(width, height, values.flat_map(|v| v.to_array()).collect()))
     }
 
     /// Red between the four texels around a point.

@@ -28,7 +28,7 @@ use glam::Vec3;
 use heliostat_kernel::RayQuery;
 
 use crate::eye::{EyeWalk, Lighting, WeightedRay};
-use crate::region::{PixelSum, Region, Settings, View, walk_sample};
+use crate::region::{Adds, PixelSum, Region, Settings, View, walk_sample};
 use by_paths::ByPaths;
 pub use discontinuity::Light;
 use discontinuity::Window;
@@ -273,9 +273,10 @@ impl<'a, Q: RayQuery + ?Sized> IgiFrame<'a, Q> {
         sums: &mut [PixelSum],
         gathered: impl Fn(&mut L) -> &mut Vec<Gathered>,
     ) -> (Vec<Gathered>, Vec<Fragment>, u64) {
-        let (pass, count) = ((self.sample(), self.pass == 0), self.igi.antialias.max(1));
+        let count = self.igi.antialias.max(1);
         let mut trace = |walk: &mut _, index| {
-            let sample = samples::sample(pass, index, count);
+            let adds = Adds::new(self.settings, self.pass == 0 && index == 0);
+            let sample = samples::sample(self.sample(), index, count, adds);
             walk_sample(walk, self.view, self.settings, region, sample, sums)
         };
         if count == 1 {

@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 
 use super::Gathered;
 use super::discontinuity::{Light, PLANE_DISTANCE, is_alike};
-use crate::region::{Sample, aligned_point};
+use crate::region::{Adds, Sample, aligned_point};
 
 /// A surface in a pixel that another one fills more of.
 #[derive(Clone, Copy, Debug)]
@@ -39,11 +39,10 @@ impl Fragment {
 }
 
 /// One of `count` samples of a pass, a power of two: evenly over all pixels, elsewhere in every pass.
-pub(super) fn sample((pass, first): (u32, bool), index: u32, count: u32) -> Sample {
+pub(super) fn sample(pass: u32, index: u32, count: u32, adds: Adds) -> Sample {
     let number = pass.wrapping_mul(count).wrapping_add(index);
-    let first = first && index == 0;
     if count == 1 {
-        return Sample::new(number, first);
+        return Sample::new(number, adds);
     }
     let (mut rest, mut direction, mut y) = (index, count / 2, 0);
     while rest > 0 {
@@ -55,7 +54,7 @@ pub(super) fn sample((pass, first): (u32, bool), index: u32, count: u32) -> Samp
     }
     let place = (Vec2::new(index as f32, y as f32) + 0.5) / count as f32;
     let place = (place + aligned_point(pass) - 0.5).rem_euclid(Vec2::ONE);
-    Sample { number, place: place.min(Vec2::splat(1.0 - f32::EPSILON)), first }
+    Sample { number, place: place.min(Vec2::splat(1.0 - f32::EPSILON)), adds }
 }
 
 /// Brings the samples of pixels together, one sample of all of them after the other.
@@ -165,7 +164,7 @@ mod tests {
     #[test]
     fn samples_lie_evenly_around_the_centre() {
         for count in [2, 4, 8, 16] {
-            let places: Vec<Vec2> = (0..count).map(|i| sample((0, true), i, count).place).collect();
+            let places: Vec<Vec2> = (0..count).map(|i| sample(0, i, count, Adds::Light).place).collect();
             let mean = places.iter().sum::<Vec2>() / count as f32;
             assert!(mean.abs_diff_eq(Vec2::splat(0.5), 1e-6), "{count}: {mean}");
             // One in every column and one in every row of a grid.
@@ -174,7 +173,7 @@ mod tests {
                     places.iter().fold(0_u32, |seen, place| seen | 1 << (place[axis] * count as f32) as u32);
                 assert_eq!(strips, (1 << count) - 1, "{places:?}");
             }
-            let later = (0..count).map(|i| sample((5, false), i, count));
+            let later = (0..count).map(|i| sample(5, i, count, Adds::Light));
             assert!(
                 later.into_iter().all(|s| s.place.cmpge(Vec2::ZERO).all() && s.place.cmplt(Vec2::ONE).all())
             );
