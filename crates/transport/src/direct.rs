@@ -38,6 +38,7 @@ struct AllLights {
     points: SamplePoints,
     light: Illumination,
     values: Scattering,
+    sharp: Scattering,
     origins: Vectors,
 }
 
@@ -75,7 +76,7 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
         sums: &mut [PixelSum],
     ) -> bool {
         let (scene, count) = (view.scene, arrived.count());
-        let Self { shadowed, shadows, points, light, values, origins } = self;
+        let Self { shadowed, shadows, points, light, values, sharp, origins } = self;
         for emitter in 0..scene.lights().len() {
             if scene.lights().is_extended(emitter) {
                 for (lane, ray) in arrived.rays().enumerate() {
@@ -86,24 +87,23 @@ impl<Q: RayQuery + ?Sized> Lighting<Q> for AllLights {
             let along = |lane: usize| (arrived.ray(lane).ray.time, points.get(lane));
             scene.illuminate(emitter, surfaces, along, count, light);
             surfaces.evaluate(&light.wi, DULL, count, values);
-            let mut f_cos = values.f_cos;
             for side in SIDES {
                 if !surfaces.may_have(MIRRORS.among(side)) {
                     continue;
                 }
-                surfaces.evaluate(&light.wi, MIRRORS.among(side), count, values);
+                surfaces.evaluate(&light.wi, MIRRORS.among(side), count, sharp);
                 for lane in 0..count {
                     let pdf = light.pdf.0[lane];
-                    let share = if pdf == 0.0 { 1.0 } else { power_heuristic(pdf, values.pdf.0[lane]) };
-                    f_cos.set(lane, f_cos.get(lane) + values.f_cos.get(lane) * share);
+                    let share = if pdf == 0.0 { 1.0 } else { power_heuristic(pdf, sharp.pdf.0[lane]) };
+                    values.f_cos.set(lane, values.f_cos.get(lane) + sharp.f_cos.get(lane) * share);
                 }
             }
             if *shadowed {
                 surfaces.spawn(&light.wi, count, origins);
             }
-            let scattered = f_cos.times(&light.weight);
+            values.f_cos.scale(&light.weight);
             for (lane, ray) in arrived.rays().enumerate() {
-                let radiance = ray.weight * scattered.get(lane);
+                let radiance = ray.weight * values.f_cos.get(lane);
                 if radiance != Vec3::ZERO && !*shadowed {
                     sums[ray.pixel as usize].add_lit(radiance);
                 } else if radiance != Vec3::ZERO {

@@ -318,9 +318,9 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
         let mut known: Option<(&Hit, FirstHit)> = None;
         for (lane, &index) in packet.hits.iter().enumerate() {
             let (ray, hit) = (&mut rays[index as usize], &hits[index as usize]);
-            let sum = &mut sums[ray.pixel as usize];
+            let pixel = ray.pixel as usize;
             if shown {
-                sum.shaded += 1.0;
+                sums[pixel].shaded += 1.0;
             }
             ray.cone = ray.cone.advanced(hit.t);
             if filters && !self.filter(ray, hit, surfaces, lane) {
@@ -332,11 +332,11 @@ impl<Q: RayQuery + ?Sized, L: Lighting<Q>> EyeWalk<'_, Q, L> {
                     _ => FirstHit::of(scene, hit),
                 });
                 known = first.map(|first| (hit, first));
-                sum.add_first_hit(surfaces, lane, ray.passed_distance + hit.t, first);
+                sums[pixel].add_first_hit(surfaces, lane, ray.passed_distance + hit.t, first);
             }
             ray.seen = true;
             if glows {
-                self.glow(ray, hit, surfaces, lane, sum);
+                self.glow(ray, hit, surfaces, lane, &mut sums[pixel]);
             }
             ray.edges += 1;
             if ray.edges >= self.max_edges {

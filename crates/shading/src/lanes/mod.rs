@@ -72,15 +72,11 @@ impl Vectors {
         (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (v.x, v.y, v.z);
     }
 
-    /// Component by component.
-    #[must_use]
-    pub fn times(&self, other: &Self) -> Self {
-        let mut product = *self;
-        let pairs = [(&mut product.x, &other.x), (&mut product.y, &other.y), (&mut product.z, &other.z)];
-        for (values, others) in pairs {
+    /// Multiplies them by others, component by component.
+    pub fn scale(&mut self, by: &Self) {
+        for (values, others) in [(&mut self.x, &by.x), (&mut self.y, &by.y), (&mut self.z, &by.z)] {
             values.0.iter_mut().zip(&others.0).for_each(|(value, other)| *value *= other);
         }
-        product
     }
 
     /// Adds the vectors of those lanes whose bit is set in `mask`.
