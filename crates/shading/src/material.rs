@@ -315,7 +315,6 @@ impl SurfaceMaterial {
     }
 }
 
-/// The lobes that a material may have anywhere, by its constants.
 /// Whether a material is one of mirrors or glass, as far as its factors and its shader's name tell.
 fn is_mirror(m: &Material) -> bool {
     /// Roughest that counts: duller surfaces show no picture of others.
@@ -329,6 +328,7 @@ fn is_mirror(m: &Material) -> bool {
     }
 }
 
+/// The lobes that a material may have anywhere, by its constants.
 fn possible_lobes(m: &Material) -> Lobes {
     if m.unlit {
         return Lobes::NONE;
