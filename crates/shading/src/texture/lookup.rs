@@ -118,11 +118,10 @@ impl MipMap {
         let index = |lane: usize| indices.0[lane] as usize;
         match &self.texels {
             Texels::Bytes(codes) => {
-                let pairs = F::Whole::gather_pairs(token, 0, |lane| {
+                let [near, far] = F::Whole::gather_pairs(token, 0, |lane| {
                     let pair = &codes[index(lane)..index(lane) + 2];
                     u64::from(pair[0]) | u64::from(pair[1]) << 32
                 });
-                let [near, far] = pairs;
                 [bytes(near), bytes(far)]
             }
             Texels::Shorts(codes) => {
